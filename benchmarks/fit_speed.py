@@ -8,16 +8,11 @@ causes, on recordings with these causes made by `tests/hidden`.
 
 from __future__ import annotations
 
-import os
-import sys
 import time
-from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread for both
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+import harness  # noqa: F401  # one thread for both; makes the generator importable
 import numpy as np
-from hidden.practice.cases import make
+from hidden.cases import make
 from scipy.optimize import least_squares
 
 from paxisim.diagnose.fitting import Fitter

@@ -2,7 +2,7 @@
 
     python benchmarks/misfit.py --jobs 2
 
-Each form of each effect in `tests/hidden/practice` is recorded three times, and the corresponding cause is fitted to
+Each form of each effect in `tests/hidden` is recorded three times, and the corresponding cause is fitted to
 it together with an offset. The script prints the residual energy of the fit in excess of the residual that the effect
 itself would leave on the same simulation, as a share of the fitted effect's energy. A negative value means that the fit
 has also absorbed some of the noise and the tolerances.
@@ -11,19 +11,14 @@ has also absorbed some of the noise and the tolerances.
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+import harness  # noqa: F401  # makes the generator importable
 import numpy as np
-from hidden.practice.cases import make
-from hidden.practice.effects import EFFECTS
-from hidden_table.solve import recording
+from hidden.cases import make
+from hidden.effects import EFFECTS
+from hidden_table.cases import recording
 
 from paxisim.diagnose.fitting import Fitter
 from paxisim.diagnose.folds import folds_of

@@ -1,9 +1,10 @@
 """Recovery of a readout, and its prediction of a real sensor: ``python benchmarks/readout.py [FOLDER]``.
 
 The first table is for a synthetic sensor of 15 channels under three loads, with a delay of 30 ms (`tests/load_rig.py`):
-how many of the delays and gains lie in their 95 % intervals. The second, printed if FOLDER is given, is for two
-recordings of eFlesh: all models are fitted to one and judged on the other, by the root of the error's summed squares
-divided by the summed squares of the readings.
+how many of the delays and gains lie in their 95 % intervals. The others, printed if FOLDER is given, are for two
+recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). In the second, all models are fitted to
+one and judged on the other, by the root of the error's summed squares divided by the summed squares of the readings. In
+the third, a calibration of the sensor estimates the load of the other recording from all channels together.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import warnings
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
@@ -20,6 +22,7 @@ import numpy as np
 from load_rig import NAMES, rig
 
 import paxisim
+from paxisim.calibrate.loads import values_of
 
 RIGS = {
     "as it is": {},
@@ -30,7 +33,7 @@ RIGS = {
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--seeds", type=int, default=40)
@@ -40,6 +43,7 @@ def main() -> None:
         _recover(name, how, arguments.seeds)
     if arguments.folder is not None:
         _predict(arguments.folder)
+        _loads(arguments.folder)
 
 
 def _recover(name: str, how: dict, seeds: int) -> None:
@@ -70,6 +74,22 @@ def _predict(folder: Path) -> None:
         numbers = [_nrmse(presses[1], first), _nrmse(presses[0], second)]
         late = _nrmse(presses[0][settled], second[settled])
         print(f"{name:<32} {numbers[0]:>8.4f} {numbers[1]:>8.4f} {late:>36.4f}")
+
+
+def _loads(folder: Path) -> None:
+    warnings.simplefilter("ignore")
+    presses = [paxisim.Recording.load(folder / f"press_{n}.sensor.csv") for n in (1, 2)]
+    print("\nfitted to  judged on  fit         held-out error on the first  error on the other")
+    for first, other in ((0, 1), (1, 0)):
+        for kind in ("linear", "quadratic"):
+            fitted = paxisim.calibrate_sensor(presses[first], "load", quadratic=kind == "quadratic")
+            values = values_of(presses[other], fitted.model.loads)
+            known = np.isfinite(values).all(axis=1)
+            judged = presses[other][known]
+            load = fitted.readout.earlier(judged, values[known])
+            error = float(np.sqrt(np.mean((fitted.model(judged.measured) - load) ** 2)))
+            own = fitted.model.error[0]
+            print(f"press_{first + 1}    press_{other + 1}    {kind:<9}  {own:>26.2f} N  {error:>16.2f} N")
 
 
 def _cubic(fitted: paxisim.Recording, judged: paxisim.Recording) -> np.ndarray:

@@ -3,35 +3,28 @@
     python benchmarks/rule_sensitivity.py --singles 38 --pairs 24 --nulls 20 --jobs 2
 
 Each constant of `paxisim.diagnose.rules.Rules` is halved and doubled, within its bounds if it is a share. The misfits
-of all causes and the prices of all causes are varied likewise. The same cases of `tests/hidden/practice` are diagnosed
-every time, with pads of 4x3 taxels and eight episodes of 6 s at 20 Hz. A row shows how many singles and pairs are named
+of all causes and the prices of all causes are varied likewise. The same cases of `tests/hidden` are diagnosed every
+time, with pads of 4x3 taxels and eight episodes of 6 s at 20 Hz. A row shows how many singles and pairs are named
 exactly and how many nulls have a false name, each with the 90 % Wilson interval of its rate. It also shows which rates
 leave the interval that they have with the unchanged constants.
 
 The rows of a case share their fits, except for rows whose constants decide what is held out. A row therefore shows how
 the decision changes, but not where the fits of a different search would end. ``--only material consistency`` computes
-only some rows; ``--list`` prints their names.
+only some rows.
 """
 
 from __future__ import annotations
 
 import argparse
 import copy
-import os
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from pathlib import Path
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one thread per job
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
-from hidden_table.solve import made, recording
-from hidden_table.tasks import Task, practice
-from scipy.stats import binomtest
+from harness import here, wilson
+from hidden_table.cases import Task, recording, tasks
 
 from paxisim.diagnose.prepare import prepare
 from paxisim.diagnose.problem import problem_of
@@ -67,30 +60,6 @@ class Change:
     factors: tuple[tuple[str, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class Rate:
-    """Number of hits among the cases of one kind."""
-
-    hits: int
-    cases: int
-
-    @property
-    def value(self) -> float:
-        """Share of hits."""
-        return self.hits / self.cases
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson interval of the rate."""
-        found = binomtest(self.hits, self.cases).proportion_ci(LEVEL, method="wilson")
-        return float(found.low), float(found.high)
-
-    def shown(self) -> str:
-        """Return the rate as a cell of the table."""
-        low, high = self.interval
-        return f"{self.hits:3d}/{self.cases:<3d} {self.value:4.0%} ({low:3.0%} to {high:4.0%})"
-
-
 def changes() -> list[Change]:
     """Return the rows: the unchanged constants, and each constant halved and doubled."""
     rows = [Change(BASELINE)]
@@ -116,7 +85,7 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
     """Return the causes named in a case, by row."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        recorded, _ = prepare(recording(made(task)))
+        recorded, _ = prepare(recording(task.made()))
         raw = problem_of(recorded)
         wanted, _ = wanted_of(raw, None, {})
         off = read_off(raw, wanted)
@@ -141,20 +110,10 @@ def silently(stage: str, share: float) -> None:
     """Ignore reports of progress."""
 
 
-def rates(tasks: Sequence[Task], answers: Sequence[tuple[str, ...]]) -> dict[str, Rate]:
-    """Return rates by kind of case: exact singles and pairs, and nulls with a false name."""
-    out = {}
-    for kind in KINDS:
-        own = [(t, a) for t, a in zip(tasks, answers, strict=True) if t.kind == kind]
-        if own:
-            hits = sum(bool(a) if kind == "null" else set(a) == set(t.true) for t, a in own)
-            out[kind] = Rate(hits, len(own))
-    return out
-
-
-def left(now: Mapping[str, Rate], before: Mapping[str, Rate]) -> list[str]:
-    """Return the rates that are outside their interval of before."""
-    return [KINDS[k] for k in now if not before[k].interval[0] <= now[k].value <= before[k].interval[1]]
+def cell(hits: int, cases: int) -> str:
+    """Return a rate with its interval as a cell of the table."""
+    low, high = wilson(hits, cases, LEVEL)
+    return f"{hits:3d}/{cases:<3d} {hits / cases:4.0%} ({low:3.0%} to {high:4.0%})"
 
 
 def main() -> None:
@@ -168,32 +127,31 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", metavar="WORD", help="compute only rows whose names begin with one of these words"
     )
-    parser.add_argument("--list", action="store_true", help="print the names of the rows and exit")
     arguments = parser.parse_args()
     rows = [row for row in changes() if row.name == BASELINE or row.name.startswith(tuple(arguments.only or ("",)))]
-    if arguments.list:
-        print("\n".join(row.name for row in rows))
-        return
     counts = {"single": arguments.singles, "pair": arguments.pairs, "null": arguments.nulls}
-    tasks = [
-        replace(task, options=(*task.options, *SMALL.items())) for task in practice(counts, arguments.seed, "both")
-    ]
-    if not tasks:
+    cases = [replace(task, options=(*task.options, *SMALL.items())) for task in tasks(counts, arguments.seed)]
+    if not cases:
         parser.error("nothing to do: give --singles, --pairs or --nulls")
-    answers = []
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        for task, answer in zip(tasks, pool.map(partial(named, rows), tasks), strict=True):
-            answers.append(answer)
-            print(f"{len(answers)} of {len(tasks)}: {task.name}", file=sys.stderr, flush=True)
-    kinds = [kind for kind in KINDS if counts[kind]]
+    answers = {}
+    for task, answer in here(partial(named, rows), cases, arguments.jobs):
+        if isinstance(answer, BaseException):
+            raise answer
+        answers[task.name] = answer
+        print(f"{len(answers)} of {len(cases)}: {task.name}", file=sys.stderr, flush=True)
+    kinds = {kind: [task for task in cases if task.kind == kind] for kind in KINDS if counts[kind]}
     width = max(len(row.name) for row in rows)
     print(" | ".join([f"{'constant':<{width}}", *(f"{KINDS[kind]:<24}" for kind in kinds), "leaves the interval"]))
-    before: dict[str, Rate] = {}
+    before: dict[str, tuple[float, float]] = {}
     for place, row in enumerate(rows):
-        now = rates(tasks, [answer[place] for answer in answers])
-        before = before or now
-        cells = [f"{row.name:<{width}}", *(f"{now[k].shown():<24}" for k in kinds), ", ".join(left(now, before))]
-        print(" | ".join(cells))
+        cells, outside = [], []
+        for kind, own in kinds.items():
+            said = [(task, answers[task.name][place]) for task in own]
+            hits = sum(bool(a) if kind == "null" else set(a) == set(t.true) for t, a in said)
+            low, high = before.setdefault(kind, wilson(hits, len(own), LEVEL))
+            cells.append(f"{cell(hits, len(own)):<24}")
+            outside += [] if low <= hits / len(own) <= high else [KINDS[kind]]
+        print(" | ".join([f"{row.name:<{width}}", *cells, ", ".join(outside)]))
 
 
 if __name__ == "__main__":

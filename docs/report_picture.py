@@ -20,7 +20,7 @@ import paxisim
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "diagnose"))
 from browser import Browser, find
-from hidden.practice.cases import make
+from hidden.cases import make
 
 CAUSES, SEED, STRENGTH = ("latency", "taxel_gain"), 6, 0.7
 WIDTH, GAP = 1120, 24  # pixels

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from injected.cases import Base, Case, Source, tensor
-from injected.effect import Floats
+from injected.effects import Floats
 from paxisim.recording import Recording
 
 
@@ -29,7 +29,7 @@ def _noise(rng: np.random.Generator, base: Base, memory: float) -> Recording:
         white, out = rng.normal(size=base.scene.force.shape), np.zeros(base.scene.force.shape)
         for i in range(1, len(out)):
             out[i] = memory * out[i - 1] + white[i]
-        return out / out.std() * base.scene.peaks / 2
+        return out / out.std() * base.scene.peak / 2
 
     return replace(base.recording, measured=tensor(coloured()), simulated=tensor(coloured()))
 
@@ -143,20 +143,19 @@ BROKEN: dict[str, Callable[[np.random.Generator, Base], Recording]] = {
 }
 
 
-def broken(source: Source, seed: int) -> list[Case]:
-    """Return one case of each kind, plus the clock shifts and the units."""
-    out = []
-    for number, (kind, make) in enumerate(BROKEN.items()):
-        rng = np.random.default_rng([seed, 3, number])
-        base = source.base(rng)
-        out.append(Case(f"broken:{number}", "broken", kind, base.words, make(rng, base)))
-    for shift in SHIFTS:
-        base = source.base(np.random.default_rng([seed, 3, len(out)]))
-        late = _late(base.recording, shift)
-        kind = f"shifted by {shift:g} s"
-        out.append(Case(f"broken:{len(out)}", "broken", kind, base.words, late, shift=shift))
-    for unit in ("uT", ""):
-        kind = "microtesla" if unit else "microtesla, unit not said"
-        recording = _microtesla(source, unit)
-        out.append(Case(f"broken:{len(out)}", "broken", kind, "press_2 as recorded", recording))
-    return out
+UNITS = {"microtesla": "uT", "microtesla, unit not said": ""}
+COUNT = len(BROKEN) + len(SHIFTS) + len(UNITS)
+
+
+def broken(source: Source, seed: int, number: int) -> Case:
+    """Return one of the `COUNT` broken streams: those of `BROKEN`, then the clock shifts and the units."""
+    rng, name = np.random.default_rng([seed, 3, number]), f"broken:{number}"
+    if number >= COUNT - len(UNITS):
+        kind, unit = list(UNITS.items())[number - COUNT]
+        return Case(name, "broken", kind, "press_2 as recorded", _microtesla(source, unit))
+    base = source.base(rng)
+    if number < len(BROKEN):
+        kind, make = list(BROKEN.items())[number]
+        return Case(name, "broken", kind, base.words, make(rng, base))
+    shift = SHIFTS[number - len(BROKEN)]
+    return Case(name, "broken", f"shifted by {shift:g} s", base.words, _late(base.recording, shift), shift=shift)

@@ -11,14 +11,12 @@ The effect acts on the real signal, so it also acts on the sensor's noise: a fil
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from injected import curves, memory, places
-from injected.effect import Effect, Floats, Scene
+from injected.effects import KINDS, Floats, Scene, drawn
 from injected.real import Real, load_both, regressions, simulate
 from paxisim.recording import Recording
 
@@ -26,31 +24,6 @@ SPEEDS = {3: 2, 6: 4, 12: 8}
 """Speed-up of the clock, and the number of frames of which one is kept."""
 SLOW = {1: 3}
 FEWEST = 8  # fewest presses of a case
-
-EFFECTS: dict[str, Callable[[np.random.Generator, Scene], Effect]] = {
-    "axis_gain": curves.axis_gain,
-    "taxel_gain": curves.taxel_gain,
-    "offset": places.offset,
-    "drift": places.drift,
-    "creep": memory.creep,
-    "hysteresis": memory.hysteresis,
-    "saturation": curves.saturation,
-    "stiffening": curves.stiffening,
-    "dead_band": curves.dead_band,
-    "quantisation": curves.quantisation,
-    "latency": memory.latency,
-    "low_pass": memory.low_pass,
-    "crosstalk": places.crosstalk,
-    "dead_taxel": places.dead_taxel,
-    "dies_halfway": places.dies_halfway,
-    "swapped_taxels": places.swapped_taxels,
-    "reversed_columns": places.reversed_columns,
-    "axis_sign": places.axis_sign,
-    "axis_coupling": places.axis_coupling,
-    "rotation": places.rotation,
-    "interference": places.interference,
-}
-"""Function that draws an effect, by kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,15 +113,14 @@ class Source:
         time, force, simulated, episode = (np.concatenate(part) for part in parts.values())
         angle = _joint(rng, time)
         covariates = {key: np.concatenate(values) for key, values in poses.items()}
-        peaks = np.quantile(np.abs(simulated), 0.995, axis=0)
-        noise = np.mean([real.noise for real in self.both], axis=0)
+        peak = float(np.quantile(np.abs(simulated), 0.995, axis=0).max())
         recording = Recording(
             time, tensor(force), tensor(simulated), covariates | ({"joint_angle": angle} if joint else {}), episode
         )
         numbers = " ".join(f"{which + 1}.{press}" for which, press in taken)
         clock = "own clock" if own_clock else "clocks times " + " ".join(str(speed) for speed, _ in pace)
         return Base(
-            recording, Scene(time, force, peaks, noise, angle), f"presses {numbers}, {clock}, regression {name}"
+            recording, Scene(time, force, peak, episode, angle), f"presses {numbers}, {clock}, regression {name}"
         )
 
 
@@ -167,39 +139,24 @@ def tensor(force: Floats) -> np.ndarray:
     return force[:, None, :, None, :].astype(np.float32)
 
 
-def inject(base: Base, effect: Effect, name: str, kind: str) -> Case:
-    """Return the case of an effect on a base."""
+def injected(source: Source, seed: int, number: int) -> Case:
+    """Return a real signal with an effect; the numbers cycle through the kinds."""
+    kind = KINDS[number % len(KINDS)]
+    rng = np.random.default_rng([seed, 1, number])
+    base = source.base(rng, joint=True if kind == "interference" else None)
+    words, apply = drawn(kind, rng, base.scene)
     force, simulated = base.scene.force, np.asarray(base.recording.simulated, dtype=float)[:, 0, :, 0]
-    changed = effect.apply(force)
-    left = float(np.sum((force - simulated) ** 2))
-    return Case(
-        name,
-        "injected",
-        kind,
-        f"{effect.words}; {base.words}",
-        replace(base.recording, measured=tensor(changed)),
-        effect.apply(simulated)[:, None, :, None],
-        float(np.sum((changed - force) ** 2)) / left,
-    )
+    changed = apply(force)
+    signal = float(np.sum((changed - force) ** 2) / np.sum((force - simulated) ** 2))
+    made = replace(base.recording, measured=tensor(changed))
+    ideal = apply(simulated)[:, None, :, None]
+    return Case(f"injected:{number}", "injected", kind, f"{words}; {base.words}", made, ideal, signal)
 
 
-def injected(source: Source, seed: int, count: int, kinds: Sequence[str] = tuple(EFFECTS)) -> list[Case]:
-    """Return cases that cycle through the kinds; case number n is the same for any count."""
-    out = []
-    for number in range(count):
-        kind = kinds[number % len(kinds)]
-        rng = np.random.default_rng([seed, 1, number])
-        base = source.base(rng, joint=True if kind == "interference" else None)
-        out.append(inject(base, EFFECTS[kind](rng, base.scene), f"injected:{number}", kind))
-    return out
-
-
-def nulls(source: Source, seed: int, count: int) -> list[Case]:
-    """Return cases that pair the real signal with its own regression, without an effect."""
-    out = []
-    for number in range(count):
-        base = source.base(np.random.default_rng([seed, 2, number]), own_clock=number % 4 == 3)
-        ideal = np.asarray(base.recording.simulated, dtype=float)
-        kind = "own clock" if number % 4 == 3 else "faster clocks"
-        out.append(Case(f"null:{number}", "null", kind, base.words, base.recording, ideal))
-    return out
+def null(source: Source, seed: int, number: int) -> Case:
+    """Return the real signal paired with its own regression, without an effect."""
+    own_clock = number % 4 == 3
+    base = source.base(np.random.default_rng([seed, 2, number]), own_clock=own_clock)
+    ideal = np.asarray(base.recording.simulated, dtype=float)
+    kind = "own clock" if own_clock else "faster clocks"
+    return Case(f"null:{number}", "null", kind, base.words, base.recording, ideal)

@@ -17,9 +17,9 @@ import paxisim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.cases import make
-from hidden.practice.effects import EFFECTS
-from hidden.practice.outsiders import LEARNT, OUTSIDERS
+from hidden.cases import make
+from hidden.effects import EFFECTS
+from hidden.outsiders import LEARNT, OUTSIDERS
 from recorded import recording_of
 
 START = 7_000_000

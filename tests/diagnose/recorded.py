@@ -12,7 +12,7 @@ from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.cases import make
+from hidden.cases import make
 
 SMALL = {"rows": 4, "cols": 3, "rate": 20, "duration": 6.0}
 
@@ -35,7 +35,7 @@ def plain(effect=None, seed=1, noise=0.02, **options):
         effect: Function of an episode's ``(force, time)`` that returns the reading; default: the force.
         seed: Random seed of the motion and the noise.
         noise: Standard deviation of the noise (N).
-        options: Motion options for `hidden.practice.cases.make`.
+        options: Motion options for `hidden.cases.make`.
     """
     case = make((), seed=seed, **{**SMALL, **options})
     read = case.simulated.astype(float)

@@ -11,7 +11,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.practice.cases import make
+from hidden.cases import make
 
 
 def recording(causes=(), seed=3, **options):

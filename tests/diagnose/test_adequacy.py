@@ -17,7 +17,7 @@ from paxisim.diagnose.shapes import MAX_FRAMES, MAX_GROUPS, shapes_of
 from paxisim.diagnose.vocabulary import cause
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.practice.cases import make
+from hidden.cases import make
 from recorded import recording_of
 
 

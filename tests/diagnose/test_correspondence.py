@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden.practice.effects import EFFECTS
-from hidden.practice.outsiders import OUTSIDERS
+from hidden.effects import EFFECTS
+from hidden.outsiders import OUTSIDERS
 from recorded import diagnosed, names, small
 
 from paxisim.cli import main

@@ -21,7 +21,7 @@ from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.practice.cases import make
+from hidden.cases import make
 from recorded import diagnosed, recording_of
 
 CAUSES = ("axis_gain", "rotation", "latency")

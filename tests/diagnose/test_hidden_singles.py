@@ -9,8 +9,8 @@ from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.compare import compare, headroom_share
-from hidden.practice.effects import EFFECTS
+from hidden.compare import compare, headroom_share
+from hidden.effects import EFFECTS
 from hidden_suite import CHANCE, SINGLES, assert_right, bound
 
 POOR = 0.6
@@ -41,7 +41,7 @@ def test_what_is_named_rightly_has_its_size():
     for case in SINGLES:
         if case.exact:
             model = case.diagnosis().model[case.names[0]]
-            errors[str(case)] = compare(case.names[0], case.recorded(), model.run, {}).error
+            errors[str(case)] = compare(case.names[0], case.recorded(), model.run)
     assert np.median(list(errors.values())) < ERROR, errors
 
 

@@ -11,8 +11,9 @@ import paxisim
 from paxisim.errors import InvalidValueError
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from injected.broken import broken
-from injected.cases import EFFECTS, Source, injected, nulls
+from injected.broken import COUNT, broken
+from injected.cases import Source, injected, null
+from injected.effects import KINDS
 from injected.real import leaves, regressions
 
 FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")
@@ -28,7 +29,7 @@ def source():
 
 @pytest.fixture(scope="module")
 def streams(source):
-    return {case.kind: case.recording for case in broken(source, SEED)}
+    return {case.kind: case.recording for case in (broken(source, SEED, number) for number in range(COUNT))}
 
 
 @pytest.mark.parametrize("name", regressions())
@@ -40,8 +41,8 @@ def test_a_regression_leaves_little_more_than_the_noise_of_presses_it_has_not_se
 
 
 def test_every_effect_stands_above_what_is_left(source):
-    for case in injected(source, SEED, len(EFFECTS)):
-        assert case.signal > 5, case.words
+    for case in (injected(source, SEED, number) for number in range(len(KINDS))):
+        assert case.signal > 5, (case.kind, case.words)
         assert np.isfinite(case.recording.measured).all()
         assert case.ideal.shape == case.recording.simulated.shape
 
@@ -66,6 +67,6 @@ def test_a_frozen_stream_is_refused(streams):
 
 
 def test_a_real_signal_against_its_own_regression_has_no_cause(source):
-    found = paxisim.diagnose(nulls(source, SEED, 9)[8].recording)
+    found = paxisim.diagnose(null(source, SEED, 8).recording)
     assert found.verdict == "no_discrepancy"
     assert not found.causes

@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hidden.practice.cases import make
+from hidden.cases import make
 from recorded import diagnosed, recording_of
 
 from paxisim import GCS

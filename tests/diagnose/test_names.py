@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden.practice.cases import make
+from hidden.cases import make
 from hidden_suite import SMALL
 from recorded import diagnosed, names, plain, recording_of, small
 

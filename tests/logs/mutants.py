@@ -270,7 +270,7 @@ def calibration_bases(folder: Path) -> list[bytes]:
 
 
 def diagnosis_bases(folder: Path) -> list[bytes]:
-    from hidden.practice.cases import make
+    from hidden.cases import make
     from recorded import recording_of
 
     case = make(("axis_gain",), seed=3, rows=2, cols=2, duration=4.0, rate=20, strength=0.9)
