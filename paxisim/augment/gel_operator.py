@@ -40,11 +40,11 @@ class GelOperator(Transform):
     - ``along`` and ``shear``: shear from a neighbour's shear, most of it along the line between the two.
     - ``lift``: normal force from a neighbour's shear.
 
-    The values are given at the distances of a grid's neighbours: M = 2 at 1 and sqrt(2) pitches, M = 5 also at 2, sqrt(5)
-    and sqrt(8); M = 1 is one value at all distances. In between they are interpolated linearly, and from the last they
-    fall to zero at the next distance of a grid. Off the grid, distances and directions are those of the actual
-    positions, forces are taken in each taxel's frame (`TaxelLayout.frames`), and the reading is turned back into the pad
-    frame.
+    The values are given at the distances of a grid's neighbours: M = 2 at 1 and sqrt(2) pitches, M = 5 also at 2,
+    sqrt(5) and sqrt(8); M = 1 is one value at all distances. In between they are interpolated linearly, and from the
+    last they fall to zero at the next distance of a grid. Off the grid, distances and directions are those of the
+    actual positions, forces are taken in each taxel's frame (`TaxelLayout.frames`), and the reading is turned back into
+    the pad frame.
 
     `Poisson` is the paper's operator, with one of these kinds only; `Crosstalk` treats each axis on its own. A layer in
     which magnets move needs all kinds: see `paxisim.nominal_operator`.
