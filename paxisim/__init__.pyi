@@ -66,6 +66,7 @@ from .protocols.protocol import Protocol as Protocol
 from .protocols.ready import known_protocols as known_protocols
 from .protocols.ready import protocol as protocol
 from .recording import Recording as Recording
+from .reference.operator import nominal_operator as nominal_operator
 from .reference.pad import MagneticPad as MagneticPad
 from .reference.parameters import GelMemory as GelMemory
 from .reference.parameters import PadParameters as PadParameters

@@ -26,6 +26,7 @@ from .gains import TaxelGain as TaxelGain
 from .gcs import GCS as GCS
 from .gcs import FittedGCS as FittedGCS
 from .gcs import Ranges as Ranges
+from .gel_operator import GelOperator as GelOperator
 from .history import History as History
 from .hysteresis import Hysteresis as Hysteresis
 from .interference import Interference as Interference
