@@ -236,6 +236,7 @@ def test_one_short_press_gives_no_certainty(turned):
     assert not any(item.rivals for item in found.causes)
     assert "a single episode cannot confirm them" in " ".join(str(found).split())
     assert "so do their rivals" not in str(found)
+    assert "Episode 1 was split into blocks that were held out in turn." in found.heldout.note
     warnings = found.symptoms.warnings
     assert any(line.startswith("the recording has one episode") for line in warnings)
     assert any(line.startswith(("the recording has only 5", "the recording has only 4")) for line in warnings)

@@ -17,7 +17,7 @@ SEED = 5
 PEAK = problem_of(plain(seed=SEED)).peak
 
 
-@pytest.mark.parametrize("held", [0.0, 1.0])
+@pytest.mark.parametrize("held", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_creep_is_creep_whatever_loads_its_sensor_was_calibrated_with(held):
     amount, tau = 0.2, 1.5
 

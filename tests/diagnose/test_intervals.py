@@ -36,9 +36,8 @@ def test_the_fit_is_within_the_intervals(found):
         np.testing.assert_allclose(np.ravel(high), [p.value.high for p in cause.parameters])
 
 
-def test_gcs_draws_around_a_diagnosis_and_one_that_was_saved(found, tmp_path):
-    found.save(tmp_path / "out")
-    loaded = Diagnosis.load(tmp_path / "out")
+def test_gcs_draws_around_a_diagnosis_and_one_that_was_saved(found):
+    loaded = Diagnosis.from_json(found.to_json())
     chains = [
         GCS.around(diagnosis.model, diagnosis.intervals).sample(np.random.default_rng(0), (50,))
         for diagnosis in (found, loaded)
