@@ -61,11 +61,11 @@ def told(found):
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("frozen", 41), ("gone", 42), ("zero", 43), ("frozen z", 42)]
+    [("gone", 42), ("frozen z", 42)]
     + [
         pytest.param(kind, seed, marks=pytest.mark.slow)
         for kind in ("frozen", "gone", "zero", "frozen z")
-        for seed in (44, 45)
+        for seed in (41, 43)
     ],
 )
 def test_what_fails_halfway_is_named_with_the_moment_and_nothing_else_is(kind, seed):
@@ -119,7 +119,8 @@ OTHERS = {
     ("effect", "seed"),
     [(effect, 51) for effect in OTHERS]
     # recordings that end while a reading lags or is clipped
-    + [("clipped", 8106), ("held", 8108), ("held", 8112)],
+    + [pytest.param(effect, seed, marks=pytest.mark.slow) for effect, seed in (("clipped", 8106), ("held", 8108))]
+    + [("held", 8112)],
 )
 def test_what_else_a_sensor_does_is_no_failure(effect, seed):
     assert names(diagnosed(plain(OTHERS[effect], seed=seed), ("dead_taxels",))) == []
@@ -139,7 +140,7 @@ def test_a_taxel_that_the_last_episodes_do_not_press_has_not_failed():
     assert names(diagnosed(recording, ("dead_taxels",))) == []
 
 
-@pytest.mark.parametrize(("axis", "seed"), [(3, 4), (4, 7), (3, 9)])
+@pytest.mark.parametrize(("axis", "seed"), [(3, 4), pytest.param(4, 7, marks=pytest.mark.slow)])
 def test_a_contact_that_is_not_where_it_is_simulated_is_no_failure(axis, seed):
     recording = plain(seed=8100 + seed)
     last = recording.episode >= 5

@@ -32,6 +32,7 @@ def test_creep_is_creep_whatever_loads_its_sensor_was_calibrated_with(held):
     assert share == pytest.approx(held, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_gain_that_changes_with_the_square_of_the_force_is_stiffening():
     def stiffens(force, time):
         length = np.linalg.norm(force, axis=2, keepdims=True)
@@ -40,6 +41,7 @@ def test_a_gain_that_changes_with_the_square_of_the_force_is_stiffening():
     assert names(diagnosed(plain(stiffens, seed=SEED), NEAR)) == ["stiffening"]
 
 
+@pytest.mark.slow
 def test_loops_are_hysteresis_whatever_a_small_swing_reads():
     small, width, lag, substeps = 0.85, 0.2 * PEAK, 0.15, 10
 

@@ -6,7 +6,9 @@ from hidden.practice.compare import compare, headroom_share
 from hidden_suite import FOREIGN, LEARNT, NULLS, PAIRS, SINCE_LEARNT, SINGLES, assert_right
 from recorded import EFFECTS, diagnosed, names, small
 
-KINDS = ("axis_gain", "rotation", "creep", "latency", "stiffening", "drift", "dead_band", "crosstalk")
+KINDS = ("axis_gain", "rotation", "creep", "latency", "stiffening", "drift", "dead_band", "crosstalk", "taxel_gain")
+OFTEN = ("axis_gain", "creep", "latency", "drift")
+"""Kinds that every run tries: a gain, a memory, a clock and a zero."""
 FLAGGED = ("partly_explained", "unexplained")
 ERROR = 0.15  # median, relative to the size of the effect
 GAIN = 0.9  # median, fraction of the held-out headroom
@@ -18,7 +20,9 @@ def slowly(test):
     return pytest.mark.slow(pytest.mark.timeout(3600)(test))
 
 
-@pytest.mark.parametrize("hidden", KINDS)
+@pytest.mark.parametrize(
+    "hidden", [pytest.param(name, marks=() if name in OFTEN else pytest.mark.slow) for name in KINDS]
+)
 def test_an_effect_of_each_kind_is_named_and_no_other(hidden):
     found = diagnosed(small(hidden, seed=11, strength=0.9, rows=3, cols=2, duration=5.0), KINDS)
     assert names(found) == [hidden]

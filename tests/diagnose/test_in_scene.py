@@ -101,6 +101,7 @@ def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
     assert np.sqrt(np.mean((recording.measured - error) ** 2)) < 0.03
 
 
+@pytest.mark.slow
 def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
     """The first replays move the zero by 0.4 mm, and a larger ball shows the same force with another curvature."""
     names = ("joint_offset", "object_size", "stiffening", "axis_gain")
@@ -160,6 +161,7 @@ def test_without_contact_nothing_in_the_scene_can_be_told():
     assert "without contact" in found.not_testable["surface"]
 
 
+@pytest.mark.slow
 def test_a_number_that_cannot_change_is_named_and_the_others_are_found():
     # the size of a mesh cannot change if another body uses it
     corners = " ".join(f"{x} {y} {z}" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (0, 0.04))

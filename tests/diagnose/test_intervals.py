@@ -8,7 +8,7 @@ from paxisim import GCS
 from paxisim.diagnose import Diagnosis
 
 
-@pytest.fixture(scope="module", params=["rotation", "creep", "taxel_gain"])
+@pytest.fixture(scope="module", params=["rotation", pytest.param("creep", marks=pytest.mark.slow), "taxel_gain"])
 def found(request):
     return diagnosed(small(request.param, seed=5, duration=5.0, strength=0.9), (request.param,), seed=1)
 

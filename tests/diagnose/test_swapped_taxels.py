@@ -29,9 +29,9 @@ def told(found):
 @pytest.mark.parametrize(
     ("pair", "seed"),
     [
-        ((0, 1, 1, 1, 2), 61),
         ((1, 2, 0, 2, 2), 62),  # the ends of a row are no reversed columns
-        ((0, 1, 1, 2, 1), 63),
+        pytest.param((0, 1, 1, 1, 2), 61, marks=pytest.mark.slow),
+        pytest.param((0, 1, 1, 2, 1), 63, marks=pytest.mark.slow),
         pytest.param((0, 1, 1, 1, 2), 62, marks=pytest.mark.slow),
         pytest.param((1, 2, 0, 2, 2), 63, marks=pytest.mark.slow),
     ],

