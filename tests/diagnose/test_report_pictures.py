@@ -111,7 +111,7 @@ def test_a_cause_of_the_users_own_has_the_plain_pictures_which_name_episodes_as_
 
 @pytest.mark.parametrize(
     ("rows", "cols", "pads", "layout"),
-    [(1, 5, 1, CROSS), (12, 10, 1, None), (8, 1, 5, None)],
+    [(1, 5, 1, CROSS), *(pytest.param(*size, None, marks=pytest.mark.slow) for size in ((12, 10, 1), (8, 1, 5)))],
     ids=["a cross", "many taxels", "a column"],
 )
 def test_any_layout_can_be_drawn(rows, cols, pads, layout):
