@@ -59,7 +59,7 @@ def test_a_saturation_that_one_press_alone_reaches_is_named():
 
 
 def test_what_may_explain_nothing_is_not_named():
-    found = diagnosed(small("drift", seed=9_100_006, strength=0.74, family="final"), ZERO)
+    found = diagnosed(small("drift", seed=9_100_006, strength=0.74, family="final"))
     assert names(found) == ["drift"]
     assert any(line.startswith("offset was fitted but not named") for line in found.symptoms.warnings)
 
