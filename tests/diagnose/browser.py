@@ -135,15 +135,11 @@ class Page:
                 found.append(about["request"]["url"])
         return found
 
-    def screenshot(self, whole=True):
-        """Return PNG bytes of the whole page, or only of the visible part."""
+    def screenshot(self):
+        """Return PNG bytes of the whole page."""
+        size = self._browser.call("Page.getLayoutMetrics", self._session)["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
         answer = self._browser.call(
-            "Page.captureScreenshot", self._session, format="png", captureBeyondViewport=whole, **self._clip(whole)
+            "Page.captureScreenshot", self._session, format="png", captureBeyondViewport=True, clip=clip
         )
         return base64.b64decode(answer["data"])
-
-    def _clip(self, whole):
-        if not whole:
-            return {}
-        size = self._browser.call("Page.getLayoutMetrics", self._session)["cssContentSize"]
-        return {"clip": {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}}

@@ -1,29 +1,17 @@
-"""Fixed cases of test_hidden_singles.py, test_hidden_pairs_and_nulls.py and test_hidden_outsiders.py.
+"""Fixed cases of test_hidden.py.
 
 Case number i has the seed ``START + i``. Seeds, names and strengths were fixed before any case was diagnosed, and
 missed cases stay in the suite: the tests require counts that a poor build hardly ever reaches.
 """
 
-import sys
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
-import pytest
+from recorded import EFFECTS, LEARNT, OUTSIDERS, SMALL, diagnosed, make, names, recording_of
 from scipy.stats import binom
 
-import paxisim
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from hidden.cases import make
-from hidden.effects import EFFECTS
-from hidden.outsiders import LEARNT, OUTSIDERS
-from recorded import recording_of
-
 START = 7_000_000
-SMALL = {"rows": 4, "cols": 3, "duration": 6.0, "rate": 20}
 MORE = {"interference": ("gripper", "gripper", "gripper")}
 """Additional episodes by effect, where the family has only one that shows it."""
 QUIET = ({}, {"rho": 0.95}, {"coarse": True}, {"family": "final"}, {"rho": 0.95, "family": "final"})
@@ -50,16 +38,13 @@ class Hidden:
 
     @cache  # noqa: B019
     def diagnosis(self):
-        """Diagnose the case without scikit-learn, because the black box takes most of the time and names no causes."""
-        with pytest.MonkeyPatch.context() as patch:
-            for name in ("sklearn", "sklearn.ensemble"):
-                patch.setitem(sys.modules, name, None)
-            return paxisim.diagnose(recording_of(self.recorded()))
+        """Diagnose the case."""
+        return diagnosed(recording_of(self.recorded()))
 
     @property
     def named(self):
         """Named causes in alphabetical order."""
-        return tuple(sorted(cause.name for cause in self.diagnosis().causes))
+        return tuple(sorted(names(self.diagnosis())))
 
     @property
     def exact(self):

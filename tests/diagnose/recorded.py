@@ -13,6 +13,10 @@ from paxisim.recording import Recording
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from hidden.effects import EFFECTS
+from hidden.outsiders import LEARNT, OUTSIDERS
+
+__all__ = ["EFFECTS", "LEARNT", "OUTSIDERS", "diagnosed", "make", "names", "plain", "recording_of", "small"]
 
 SMALL = {"rows": 4, "cols": 3, "rate": 20, "duration": 6.0}
 

@@ -3,15 +3,15 @@
 import base64
 import html
 import re
-import sys
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
+from recorded import make
+
+from paxisim.diagnose.report.effect import effects
+from paxisim.diagnose.report.kinds import evidence
+from paxisim.diagnose.report.style import drawing
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from hidden.cases import make
 
 
 def recording(causes=(), seed=3, **options):
@@ -43,3 +43,15 @@ def check_pictures(pictures):
         assert len(list(root.iter())) > 20
         assert not re.search(r"nan|inf\b", re.sub(r"<text.*?</text>", "", svg, flags=re.DOTALL)), title
         assert not re.search(r'(href|src)="(?!#)(?!data:)', svg), "a picture must not load external resources"
+
+
+def drawn(causes, chain, streams):
+    """Return (title, alt, SVG) of each picture of the first cause, checked."""
+    with drawing():
+        made = evidence(effects(causes, chain, streams)[0])
+    body = "".join(
+        f'<figure><figcaption>{html.escape(p.title)}</figcaption>\n<img src="{p.source}" alt="{html.escape(p.alt)}">'
+        for p in made
+    )
+    check_pictures(pictures_of(body))
+    return pictures_of(body)

@@ -42,12 +42,12 @@ def found(measured, simulated, at_rest=AT_REST, untouched=UNTOUCHED, step=STEP):
 
 
 @pytest.mark.parametrize("kind", ["right", "offset", "small offset", "drift", "at the edges"])
-@pytest.mark.parametrize("share", [0.02, 0.05, 0.18, 0.4, 0.7])
-def test_zeros_are_not_taken_for_noise(kind, share):
-    rng = np.random.default_rng(7)
-    force = held(rng)
-    measured = counts(force + zeros(kind, rng), share * STEP, rng)
-    assert found(measured, force) == pytest.approx(share * STEP, rel=0.3)
+def test_zeros_are_not_taken_for_noise(kind):
+    for share in (0.02, 0.18, 0.7):
+        rng = np.random.default_rng(7)
+        force = held(rng)
+        measured = counts(force + zeros(kind, rng), share * STEP, rng)
+        assert found(measured, force) == pytest.approx(share * STEP, rel=0.3), share
 
 
 def test_a_force_that_moves_faster_than_simulated_is_not_taken_for_noise():
@@ -57,26 +57,21 @@ def test_a_force_that_moves_faster_than_simulated_is_not_taken_for_noise():
     assert found(counts(1.1 * fast, 0.1 * STEP, rng), fast) == HIDDEN_NOISE * STEP
 
 
-def test_a_slow_sensor_is_given_time_to_settle():
+def test_a_slow_sensor_is_given_time_to_settle_and_what_a_press_leaves_behind_is_no_noise():
     rng = np.random.default_rng(9)
     force = held(rng)
     since = np.tile(np.arange(FRAMES) - FRAMES // 4, EPISODES)[:, None, None, None, None] * INTERVAL
     slow = np.where(force != 0, force * -np.expm1(-np.maximum(since, 0) / 0.06), 0.0)
     assert found(counts(slow, 0.05 * STEP, rng), force) == pytest.approx(0.05 * STEP, rel=0.3)
+    released = (AT_REST & ~UNTOUCHED)[:, None, None, None, None]
+    tail = np.where(released, np.exp(-(since - FRAMES / 2 * INTERVAL) / (10 * INTERVAL)), 0.0)
+    assert found(counts(force + 4 * STEP * tail, 0.3 * STEP, rng), force) == pytest.approx(0.3 * STEP, rel=0.2)
 
 
 def test_noise_is_a_guess_where_hardly_a_force_passes_a_step():
     rng = np.random.default_rng(1)
     force = held(rng, largest=0.9 * STEP)
     assert found(counts(force, 0.05 * STEP, rng), force) == HIDDEN_NOISE * STEP
-
-
-def test_what_a_press_leaves_behind_is_not_noise():
-    rng = np.random.default_rng(3)
-    tail = np.where(AT_REST & ~UNTOUCHED, np.exp(-np.tile(np.arange(FRAMES) - 3 * FRAMES / 4, EPISODES) / 10), 0.0)
-    force = held(rng)
-    measured = counts(force + 4 * STEP * tail[:, None, None, None, None], 0.3 * STEP, rng)
-    assert found(measured, force) == pytest.approx(0.3 * STEP, rel=0.2)
 
 
 def test_a_sensor_without_steps_and_one_that_is_always_pressed():

@@ -35,14 +35,11 @@ def nrmse(measured, predicted):
     return np.sqrt(np.sum((measured - predicted) ** 2) / np.sum(np.square(measured, dtype=float)))
 
 
-def test_the_files_are_read(presses):
+def test_the_extended_model_is_right_of_a_recording_that_took_no_part(presses, readout, found):
     for press in presses:
         assert press.measured.shape[1:] == (1, 3, 1, 5)
         assert 30 < press.covariates["load"].max() < 35
         assert press.duration > 370
-
-
-def test_the_extended_model_is_right_of_a_recording_that_took_no_part(presses, readout, found):
     held = readout.apply(presses[1])
     linear = nrmse(presses[1].measured, readout.to_channels(held.simulated))
     assert linear == pytest.approx(0.0717, abs=0.0005)
@@ -50,13 +47,10 @@ def test_the_extended_model_is_right_of_a_recording_that_took_no_part(presses, r
     assert nrmse(presses[1].measured, extended) < 0.68 * linear
 
 
-def test_a_non_linearity_and_a_memory_are_named(found):
+def test_a_non_linearity_and_a_memory_are_named_and_what_the_recording_cannot_tell_is_admitted(found):
     names = {cause.name for cause in found.causes}
     assert "channel_curve" in names
     assert names & {"latency", "creep", "hysteresis"}
-
-
-def test_what_the_recording_cannot_tell_is_admitted(found):
     assert found.verdict in ("partly_explained", "ambiguous")
     for cause in found.causes:
         if cause.name in ("creep", "hysteresis"):

@@ -8,9 +8,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import harness
-from hidden_suite import SMALL
 from hidden_table.cases import solve, tasks
 from hidden_table.table import misses, table
+from recorded import SMALL
 
 
 def test_a_case_is_solved_stored_and_shown(capsys, tmp_path):

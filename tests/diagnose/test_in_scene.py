@@ -1,20 +1,16 @@
 """Causes inside the scene: found by replays, told apart from sensor causes, and listed where not testable."""
 
-import html
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_pages import check_pictures, pictures_of
+from report_pages import drawn
 
 import paxisim
 from paxisim.cli import main
 from paxisim.diagnose import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.causes.scene import SCENE_CAUSES
-from paxisim.diagnose.report.effect import effects
-from paxisim.diagnose.report.kinds import evidence
 from paxisim.diagnose.report.streams import InScene, Streams
-from paxisim.diagnose.report.style import drawing
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (5e-3, 5e-3))
 EPISODES = 6
@@ -105,6 +101,7 @@ def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
     assert np.sqrt(np.mean((recording.measured - error) ** 2)) < 0.03
 
 
+@pytest.mark.slow
 def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
     """The first replays move the zero by 0.4 mm, and a larger ball shows the same force with another curvature."""
     names = ("joint_offset", "object_size", "stiffening", "axis_gain")
@@ -115,10 +112,15 @@ def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
     assert moved == pytest.approx(5e-4, abs=1.5e-4)
 
 
-def test_nothing_is_named_where_nothing_is_wrong(kept):
-    found = paxisim.diagnose(measured(seed=0), SOME, scene=scene(), replays=kept)
+def test_nothing_is_named_where_nothing_is_wrong_and_causes_inside_a_scene_need_the_scene(kept):
+    recording = measured(seed=0)
+    found = paxisim.diagnose(recording, SOME, scene=scene(), replays=kept)
     assert not found.causes
     assert not found.scene_values
+    with pytest.raises(ValueError, match="give diagnose the scene"):
+        paxisim.diagnose(recording, ["friction"])
+    with pytest.raises(ValueError, match=r"Scene\.load"):
+        paxisim.diagnose(recording, scene="scene.toml")
 
 
 def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, monkeypatch, capsys):
@@ -135,33 +137,19 @@ def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, 
     assert main(["diagnose", "recording.mcap", "--causes", "friction", "-o", "third"]) == 2
 
 
-@pytest.mark.parametrize("group", [item.name for item in SCENE_CAUSES if item.name != "grip_force"])
-def test_the_pictures_of_a_scene_cause(group):
-    known = scene().parameters()
-    values = {name: item.nominal + 2 * item.step for name, item in known.items() if item.group == group}
-    plain, changed = scene().simulate(motion()), scene().simulate(motion(), **values)
-    inside = InScene(changed.simulated, {group: plain.simulated}, known, values)
-    streams = Streams(
-        plain.time, plain.episode, changed.simulated, plain.simulated, changed.simulated, plain.covariates, plain.pads,
-        LAYOUT, in_scene=inside,
-    )  # fmt: skip
-    cause = FoundCause(group, (), Interval(0.5, 0.4, 0.6), (), "A sentence.")
-    with drawing():
-        (effect,) = effects((cause,), paxisim.Chain(), streams)
-        pictures = evidence(effect)
-    assert pictures
-    body = "".join(
-        f'<figure><figcaption>{html.escape(p.title)}</figcaption>\n<img src="{p.source}" alt="{html.escape(p.alt)}">'
-        for p in pictures
-    )
-    check_pictures(pictures_of(body))
-
-
-def test_causes_inside_a_scene_need_the_scene():
-    with pytest.raises(ValueError, match="give diagnose the scene"):
-        paxisim.diagnose(measured(), ["friction"])
-    with pytest.raises(ValueError, match=r"Scene\.load"):
-        paxisim.diagnose(measured(), scene="scene.toml")
+def test_the_pictures_of_every_scene_cause():
+    known, plain = scene().parameters(), scene().simulate(motion())
+    for item in SCENE_CAUSES:
+        if item.name != "grip_force":
+            values = {name: each.nominal + 2 * each.step for name, each in known.items() if each.group == item.name}
+            changed = scene().simulate(motion(), **values)
+            inside = InScene(changed.simulated, {item.name: plain.simulated}, known, values)
+            streams = Streams(
+                plain.time, plain.episode, changed.simulated, plain.simulated, changed.simulated, plain.covariates,
+                plain.pads, LAYOUT, in_scene=inside,
+            )  # fmt: skip
+            cause = FoundCause(item.name, (), Interval(0.5, 0.4, 0.6), (), "A sentence.")
+            assert drawn((cause,), paxisim.Chain(), streams), item.name
 
 
 def test_without_contact_nothing_in_the_scene_can_be_told():
@@ -173,6 +161,7 @@ def test_without_contact_nothing_in_the_scene_can_be_told():
     assert "without contact" in found.not_testable["surface"]
 
 
+@pytest.mark.slow
 def test_a_number_that_cannot_change_is_named_and_the_others_are_found():
     # the size of a mesh cannot change if another body uses it
     corners = " ".join(f"{x} {y} {z}" for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (0, 0.04))

@@ -1,15 +1,11 @@
-"""Named causes and their values in recordings that reveal them; test_hidden_singles.py measures how often."""
+"""Named causes and their values in recordings that reveal them; test_hidden.py measures how often."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden.cases import make
-from hidden_suite import SMALL
-from recorded import diagnosed, names, plain, recording_of, small
+from recorded import diagnosed, names, plain, small
 
-import paxisim
-from paxisim import augment
 from paxisim.diagnose import known_causes
 from paxisim.recording import Recording
 
@@ -63,7 +59,7 @@ def test_a_saturation_that_one_press_alone_reaches_is_named():
 
 
 def test_what_may_explain_nothing_is_not_named():
-    found = paxisim.diagnose(recording_of(make(("drift",), seed=9_100_006, strength=0.74, family="final", **SMALL)))
+    found = diagnosed(small("drift", seed=9_100_006, strength=0.74, family="final"))
     assert names(found) == ["drift"]
     assert any(line.startswith("offset was fitted but not named") for line in found.symptoms.warnings)
 
@@ -95,18 +91,16 @@ def test_what_coarse_counts_make_of_a_gain_is_no_offset(factor):
     assert names(diagnosed(recording, ZERO)) == ([] if factor == 1 else ["axis_gain"])
 
 
-@pytest.mark.parametrize("seed", [18, 19, 20])
-def test_slow_noise_behind_steps_is_no_zero(seed):
-    assert names(diagnosed(small(seed=seed, coarse=True, rho=0.95), ZERO)) == []
+def test_slow_noise_behind_steps_is_no_zero():
+    assert names(diagnosed(small(seed=18, coarse=True, rho=0.95), ZERO)) == []
 
 
 def test_drift_and_offset_run_through_the_pauses_in_the_model():
     recording = plain(seed=8)
     rng = np.random.default_rng(2)
     for course in (np.ones(len(recording.time)), -3 * np.expm1(-(recording.time - recording.time[0]) / 300)):
-        own = rng.choice([-1.0, 1.0], recording.measured.shape[1:]) * rng.uniform(
-            0.1, 0.2, recording.measured.shape[1:]
-        )
+        size = rng.uniform(0.1, 0.2, recording.measured.shape[1:])
+        own = size * rng.choice([-1.0, 1.0], size.shape)
         recording.measured[:] += course[:, None, None, None, None] * own
     found = diagnosed(recording, ZERO)
     assert set(names(found)) == {"drift", "offset"}
@@ -114,32 +108,15 @@ def test_drift_and_offset_run_through_the_pauses_in_the_model():
     assert np.std(recording.measured - extended) < 1.1 * 0.02
 
 
-def test_the_model_makes_the_prediction():
-    recording = plain(lambda force, time: 1.2 * augment.Creep((0.2,), (1.0,)).run(force, time), seed=4)
-    found = diagnosed(recording, ("axis_gain", "creep"))
-    for number in range(8):
-        own = recording.episode == number
-        predicted = found.model.run(recording.simulated[own].astype(float), recording.time[own])
-        assert np.std(recording.measured[own] - predicted) < 1.1 * 0.02
-
-
-def test_only_the_causes_asked_for_are_looked_for():
-    recording = plain(lambda force, time: 1.2 * force, seed=3)
-    found = diagnosed(recording, ["low_pass", "creep"])
+def test_only_what_can_be_tested_and_is_asked_for_is_looked_for():
+    given = plain(lambda force, time: 1.2 * force, seed=3)
+    found = diagnosed(given, ["low_pass", "creep"])
     assert set(names(found)) <= {"low_pass", "creep"}
     assert set(found.not_testable) >= set(known_causes()) - {"low_pass", "creep"}
-
-
-def test_a_cause_without_its_covariate_is_left_out_and_listed():
-    given = plain(lambda force, time: 1.2 * force, seed=3)
     bare = Recording(given.time, given.measured, given.simulated, {}, given.episode)
     found = diagnosed(bare, ("axis_gain", "interference"))
     assert names(found) == ["axis_gain"]
     assert "gripper_opening" in found.not_testable["interference"]
-
-
-def test_what_the_replay_hides_is_not_looked_for():
-    given = plain(lambda force, time: 1.2 * force, seed=3)
     replay = {"mode": "fitted", "not_testable": {"axis_gain": "the closing was fitted to the measured total force"}}
     found = diagnosed(replace(given, metadata={**given.metadata, "replay": replay}), ("axis_gain", "latency"))
     assert names(found) == []
@@ -156,10 +133,3 @@ def test_what_a_motion_does_not_excite_cannot_be_tested():
     press = Recording(given.time, given.measured, given.simulated * shear, {}, given.episode)
     press.measured[:] += press.simulated - given.simulated
     assert "axis_gain" not in diagnosed(press, ("rotation", "axis_gain")).not_testable
-
-
-def test_two_swapped_taxels_are_no_reversed_rows():
-    recording = small(seed=5, rows=3, cols=2)
-    measured = recording.measured.copy()
-    measured[..., 0, 1], measured[..., 2, 1] = recording.measured[..., 2, 1], recording.measured[..., 0, 1]
-    assert names(diagnosed(replace(recording, measured=measured), ("layout",))) == []

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-import paxisim
 from paxisim import augment
 from paxisim.diagnose import prepare as preparing
 from paxisim.diagnose.noise import Tolerance, rate
@@ -26,32 +25,28 @@ def problem(step=0.1, dither=0.03, clips=True, frames=60, interval=0.01, cols=3)
     return Problem(force, force, time, {}, spans, np.full_like(force, 0.03), 1.0, alive, step, dither, clips)
 
 
-@pytest.mark.parametrize(("step", "dither"), [(0.1, 0.004), (0.1, 0.015), (0.1, 0.03), (0.1, 0.06), (0.01, 0.03)])
+@pytest.mark.parametrize(("step", "dither"), [(0.1, 0.004), (0.1, 0.03), (0.01, 0.03)])
 def test_what_is_read_is_the_mean_of_noisy_counts(step, dither):
     made = problem(step, dither)
     level = np.linspace(-0.3, 0.4, 29)
     force = np.broadcast_to(level[:, None, None, None, None], (29, 1, 3, 1, 1)).copy()
-    noise = dither * np.random.default_rng(3).standard_normal((40_000, 29))
+    noise = dither * np.random.default_rng(3).standard_normal((20_000, 29))
     counts = np.round((level + noise) / step) * step
     read = made.read(force)[:, 0, :, 0, 0]
-    np.testing.assert_allclose(read[:, 0], counts.mean(axis=0), atol=4e-3)
-    np.testing.assert_allclose(read[:, 2], np.maximum(counts, 0).mean(axis=0), atol=4e-3)
+    np.testing.assert_allclose(read[:, 0], counts.mean(axis=0), atol=6e-3)
+    np.testing.assert_allclose(read[:, 2], np.maximum(counts, 0).mean(axis=0), atol=6e-3)
+    pressed = np.linspace(0.02, 0.4, 12).reshape(1, 1, 3, 4) * np.ones((2, 3, 1, 1))
+    if dither == 0.03:  # little noise hides the force between two steps
+        np.testing.assert_allclose(made.counting.unread(made.read(pressed[None])[0]), pressed, atol=1e-3)
 
 
-@pytest.mark.parametrize("dither", [0.02, 0.06, 0.1])
-def test_what_is_left_of_readings_is_known(dither):
+def test_what_is_left_of_readings_is_known():
+    dither = 0.06
     counting = problem(0.1, dither, clips=False).counting
     rng = np.random.default_rng(2)
-    force = rng.uniform(-0.05, 0.05, (100_000, 1, 3, 1, 1))
+    force = rng.uniform(-0.05, 0.05, (50_000, 1, 3, 1, 1))
     counts = np.round((force + dither * rng.standard_normal(force.shape)) / 0.1) * 0.1
     assert counting.left == pytest.approx(np.mean((counts - counting.read(force)) ** 2), rel=0.02)
-
-
-def test_the_force_behind_a_mean_reading_is_found_again():
-    made = problem()
-    level = np.linspace(0.02, 0.4, 12).reshape(1, 1, 3, 4) * np.ones((2, 3, 1, 1))
-    again = made.counting.unread(made.read(level[None])[0])
-    np.testing.assert_allclose(again, level, atol=1e-3)
 
 
 def test_episodes_that_are_sampled_alike_run_as_each_would_alone():
@@ -59,16 +54,21 @@ def test_episodes_that_are_sampled_alike_run_as_each_would_alone():
     chain = augment.Chain([augment.Creep((0.2,), (0.3,)), augment.Hysteresis((0.1,), (0.05,)), augment.LowPass(0.02)])
     alone = [chain.run(made.simulated[span], made.time[span]) for span in made.episodes]
     np.testing.assert_allclose(made.run(chain, made.simulated), np.concatenate(alone), atol=1e-12)
+    own = replace(made, time=np.concatenate([made.time[span] - made.time[span.start] for span in made.episodes]))
+    np.testing.assert_allclose(own.run(chain, own.simulated), made.run(chain, made.simulated), atol=1e-12)
     shifted = replace(made, time=made.time + 1e-3 * np.sin(np.arange(len(made.time))))
     alone = [chain.run(shifted.simulated[span], shifted.time[span]) for span in shifted.episodes]
     np.testing.assert_allclose(shifted.run(chain, shifted.simulated), np.concatenate(alone), atol=1e-3)
 
 
-def test_episodes_on_clocks_of_their_own_run_as_each_would_alone():
-    made = problem()
-    own = replace(made, time=np.concatenate([made.time[span] - made.time[span.start] for span in made.episodes]))
-    chain = augment.Chain([augment.Stiffening(0.8, 0.5), augment.Creep((0.2,), (0.3,))])
-    np.testing.assert_allclose(own.run(chain, own.simulated), made.run(chain, made.simulated), atol=1e-12)
+def test_a_long_recording_is_read_in_blocks_as_its_frames_are():
+    long = problem(frames=8000, interval=0.005)
+    for transform in (augment.DeadBand(width=(0.1, 0.2, 0.1), edge=0.3), augment.Crosstalk(strength=(0.05, 0.05, 0.1))):
+        whole = transform.run(long.simulated, long.time, {})
+        np.testing.assert_allclose(long.run(transform, long.simulated), whole, rtol=0, atol=1e-14)
+    frames = slice(None, None, 997)
+    read = np.concatenate([long.read(frame[None]) for frame in long.simulated[frames]])
+    np.testing.assert_allclose(long.read(long.simulated)[frames], read, rtol=0, atol=1e-14)
 
 
 def test_samples_of_one_time_have_one_rate():
@@ -78,8 +78,7 @@ def test_samples_of_one_time_have_one_rate():
     np.testing.assert_array_equal(rate(values, np.ones(4)), 0)
 
 
-@pytest.mark.parametrize("slow", [0.0, 0.8])
-@pytest.mark.parametrize("share", [0.3, 0.55, 0.65, 0.8, 1.5])
+@pytest.mark.parametrize(("share", "slow"), [(0.3, 0.0), (0.65, 0.8), (1.5, 0.8)])
 def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, slow):
     made = problem(frames=300)
     pressed = np.tile(np.arange(300) >= 150, 3)
@@ -91,15 +90,6 @@ def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, s
     fast = np.sqrt(1 - slow) if share > 1 else 1.0  # visible changes reveal only the fast part of the noise
     true = np.median(counted[~pressed][:, :, :2].std(axis=0))
     assert 0.7 * fast < np.median(read.sigma[~pressed][:, :, :2]) / true < 1.4
-
-
-def test_streams_that_cannot_be_compared_are_refused():
-    made = problem()
-    force = made.simulated
-    with pytest.raises(InvalidValueError, match="no simulated tensor"):
-        paxisim.diagnose(Recording(made.time, force))
-    with pytest.raises(InvalidValueError, match="measured contains NaN at every sample"):
-        paxisim.diagnose(Recording(made.time, np.full_like(force, np.nan), force))
 
 
 def test_noise_that_is_not_finite_is_refused():

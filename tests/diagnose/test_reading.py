@@ -14,6 +14,7 @@ from paxisim.errors import InvalidValueError
 
 EPISODES, FRAMES, NOISE = 8, 60, 0.02
 SIZE = (2, 3, 3, 2)
+AMPLITUDE = 0.03 * np.where(np.random.default_rng(9).random(SIZE) < 0.5, -1, 1)
 
 
 def problem(measured_of, axes=(0.3, -0.2, 1.0), seed=4):
@@ -34,34 +35,46 @@ def read_layout(given):
     return cause("layout").read(given)
 
 
-def read_taxels(given):
-    return cause("dead_taxels").read(given)
+def read_taxels(given, simulated, measured):
+    """Return the places of dead and of stuck taxels."""
+    reading = cause("dead_taxels").read(replace(given, simulated=simulated, measured=measured))
+    return [
+        [tuple(place) for place in np.argwhere(reading.values[kind])] if reading else [] for kind in ("dead", "stuck")
+    ]
 
 
-AMPLITUDE = 0.03 * np.where(np.random.default_rng(9).random(SIZE) < 0.5, -1, 1)
+def noise(given, seed=2):
+    return NOISE * np.random.default_rng(seed).standard_normal((len(given.time), 3))
+
+
+@pytest.fixture
+def pressed():
+    return problem(lambda force, time: force)
+
+
+@pytest.fixture
+def streams(pressed):
+    """Return copies of both streams of `pressed`, to be changed."""
+    return pressed.simulated.copy(), pressed.measured.copy()
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_sign_is_told_where_shear_is_small_beside_normal_force(axis):
     signs = np.where(np.arange(3) == axis, -1, 1)
-    made = problem(lambda force, time: force * signs[:, None, None], axes=(0.15, 0.4, 6.0))
-    reading = read_layout(made)
-    assert reading is not None
+    reading = read_layout(problem(lambda force, time: force * signs[:, None, None], axes=(0.15, 0.4, 6.0)))
     assert reading.transform.axis_signs == tuple(signs)
     assert read_layout(problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))) is None
 
 
-@pytest.mark.parametrize("signs", [(1, 1, -1), (-1, -1, -1)])
 @pytest.mark.parametrize("flipped", [False, True])
-def test_a_normal_force_whose_sign_is_reversed_is_no_turned_pad(signs, flipped):
+def test_a_normal_force_whose_sign_is_reversed_is_no_turned_pad(flipped):
     shape = np.random.default_rng(5).random((2, 1, 3, 2))  # a symmetric press would not reveal a turned pad
-    fault = augment.LayoutFault(flip_rows=flipped, axis_signs=signs)
     upright = problem(lambda force, time: force, axes=(0.15, 0.4, 6.0))
     simulated = upright.simulated * shape
-    turned = replace(upright, simulated=simulated, measured=fault(simulated) + upright.measured - upright.simulated)
-    reading = read_layout(turned)
-    assert reading is not None
-    assert str(reading.transform) == str(fault)
+    for signs in ((1, 1, -1), (-1, -1, -1)):
+        fault = augment.LayoutFault(flip_rows=flipped, axis_signs=signs)
+        measured = fault(simulated) + upright.measured - upright.simulated
+        assert str(read_layout(replace(upright, simulated=simulated, measured=measured)).transform) == str(fault)
 
 
 def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():
@@ -71,96 +84,69 @@ def test_a_sensor_that_reads_the_normal_force_as_shear_is_not_turned():
     made = problem(lambda force, time: force, axes=(0.02, 0.02, 3.0))
     simulated = np.einsum("ij,tpjrc->tpirc", alike, made.simulated)
     measured = made.measured - made.simulated + np.einsum("ij,tpjrc->tpirc", mixing, simulated)
-    coupled = replace(made, simulated=simulated, measured=measured)
     assert np.corrcoef(simulated[:, 0, 0, 0, 0], measured[:, 0, 0, 0, 0])[0, 1] < -0.9
-    assert read_layout(coupled) is None
+    assert read_layout(replace(made, simulated=simulated, measured=measured)) is None
 
 
 @pytest.mark.parametrize("answers", [True, False])
-def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_either(answers):
-    made = problem(lambda force, time: force)
-    simulated, measured = made.simulated.copy(), made.measured.copy()
-    tap = np.where(np.isin(np.arange(len(made.time)) // 2, (40, 100, 130, 160)), 2.0, 0.0)  # four taps of 0.1 s
+def test_a_taxel_that_only_taps_touched_is_dead_if_it_does_not_answer_late_either(pressed, streams, answers):
+    simulated, measured = streams
+    tap = np.where(np.isin(np.arange(len(pressed.time)) // 2, (40, 100, 130, 160)), 2.0, 0.0)  # four taps of 0.1 s
     kept = np.exp(-0.05 / 0.6)
     late = lfilter([1 - kept], [1, -kept], tap)
     simulated[:, 0, :, 0, 0] = tap[:, None] * [0.0, 0.0, 1.0]
-    noise = NOISE * np.random.default_rng(1).standard_normal((len(tap), 3))
-    measured[:, 0, :, 0, 0] = noise + answers * late[:, None] * [0.0, 0.0, 1.0]
-    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
-    if answers:
-        assert reading is None
-    else:
-        assert reading is not None
-        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 0, 0]])
+    measured[:, 0, :, 0, 0] = noise(pressed, 1) + answers * late[:, None] * [0.0, 0.0, 1.0]
+    assert read_taxels(pressed, simulated, measured) == [[] if answers else [(0, 0, 0)], []]
 
 
 @pytest.mark.parametrize("shared", [True, False])
-def test_a_taxel_whose_slow_noise_looks_like_a_shear_is_dead_unless_all_episodes_show_it(shared):
-    made = problem(lambda force, time: force)
-    measured = made.measured.copy()
+def test_a_taxel_whose_slow_noise_looks_like_a_shear_is_dead_unless_all_episodes_show_it(pressed, streams, shared):
+    simulated, measured = streams
     answer = np.full(EPISODES, 0.16) if shared else 0.16 + 0.6 * np.resize([1.0, -1.0], EPISODES)
-    noise = NOISE * np.random.default_rng(5).standard_normal((len(made.time), 3))
-    measured[:, 1, :, 0, 1] = noise + np.repeat(answer, FRAMES)[:, None] * made.simulated[:, 1, :, 0, 1] * [1.0, 0, 0]
-    reading = read_taxels(replace(made, measured=measured))
-    assert (reading is None) is shared
-    if reading is not None:
-        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[1, 0, 1]])
+    shear = np.repeat(answer, FRAMES)[:, None] * simulated[:, 1, :, 0, 1] * [1.0, 0, 0]
+    measured[:, 1, :, 0, 1] = noise(pressed, 5) + shear
+    assert read_taxels(pressed, simulated, measured) == [[] if shared else [(1, 0, 1)], []]
 
 
 @pytest.mark.parametrize(("level", "answers", "stuck"), [(0.4, 0.0, True), (0.4, 1.0, False), (0.0, 0.0, False)])
-def test_a_taxel_that_is_hardly_pressed_is_stuck_if_it_reads_something_and_stays_there(level, answers, stuck):
-    made = problem(lambda force, time: force)
-    simulated, measured = made.simulated.copy(), made.measured.copy()
+def test_a_taxel_that_is_hardly_pressed_is_stuck_if_it_reads_something_and_stays_there(
+    pressed, streams, level, answers, stuck
+):
+    simulated, measured = streams
     measured[:, 1, :, 2, 0] += level - simulated[:, 1, :, 2, 0]
     simulated[:, 1, :, 2, 0] *= 0.05  # 50 mN at most
     measured[:, 1, :, 2, 0] += answers * simulated[:, 1, :, 2, 0]
-    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
-    assert (reading is not None) is stuck
-    if reading is not None:
-        np.testing.assert_array_equal(np.argwhere(reading.values["stuck"]), [[1, 2, 0]])
-        np.testing.assert_allclose(reading.values["value"][1, :, 2, 0], level, atol=NOISE)
+    assert read_taxels(pressed, simulated, measured) == [[], [(1, 2, 0)] if stuck else []]
 
 
-def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead():
-    made = problem(lambda force, time: force)
-    simulated, measured, sigma = made.simulated.copy(), made.measured.copy(), made.sigma.copy()
-    simulated[:, 0, :, 1, 1] *= (np.arange(len(made.time)) < FRAMES)[:, None]
-    measured[:, 0, :, 1, 1] = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
-    missed = replace(made, simulated=simulated, measured=measured)
-    reading = read_taxels(missed)
-    assert reading is not None
-    np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[0, 1, 1]])
-    sigma[:, 0, 2, 1, 1] += 0.12 * simulated[:, 0, 2, 1, 1]  # the contact force falls off steeply there
-    assert read_taxels(replace(missed, sigma=sigma)) is None
+@pytest.mark.parametrize("steep", [False, True])
+def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead(pressed, streams, steep):
+    simulated, measured = streams
+    simulated[:, 0, :, 1, 1] *= (np.arange(len(pressed.time)) < FRAMES)[:, None]
+    measured[:, 0, :, 1, 1] = noise(pressed)
+    sigma = pressed.sigma.copy()
+    sigma[:, 0, 2, 1, 1] += steep * 0.12 * simulated[:, 0, 2, 1, 1]  # where the contact force falls off steeply
+    found = read_taxels(replace(pressed, sigma=sigma), simulated, measured)
+    assert found == [[] if steep else [(0, 1, 1)], []]
 
 
 @pytest.mark.parametrize("drifts", [True, False])
 def test_a_taxel_that_is_hardly_pressed_is_dead_if_it_does_not_drift_with_the_others(drifts):
     made = problem(lambda force, time: force - np.expm1(-time / 150)[:, None, None, None, None] * 8 * AMPLITUDE)
     simulated, measured = made.simulated.copy(), made.measured.copy()
-    noise = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
-    measured[:, 1, :, 2, 0] = noise + drifts * (measured - simulated)[:, 1, :, 2, 0]
+    measured[:, 1, :, 2, 0] = noise(made) + drifts * (measured - simulated)[:, 1, :, 2, 0]
     simulated[:, 1, :, 2, 0] *= 0.05
-    reading = read_taxels(replace(made, simulated=simulated, measured=measured))
-    assert (reading is None) is drifts
-    if reading is not None:
-        np.testing.assert_array_equal(np.argwhere(reading.values["dead"]), [[1, 2, 0]])
+    assert read_taxels(made, simulated, measured) == [[] if drifts else [(1, 2, 0)], []]
 
 
-def test_what_was_read_off_is_left_out_of_what_is_left_to_explain():
-    made = problem(lambda force, time: force)
-    measured = made.measured.copy()
-    measured[:, 1, :, 2, 0] = NOISE * np.random.default_rng(2).standard_normal((len(made.time), 3))
-    causes = [cause(name) for name in ("layout", "dead_taxels", "quantisation")]
-    off = read_off(replace(made, measured=measured), causes)
+def test_what_was_read_off_is_left_out_of_what_is_left_to_explain(pressed, streams):
+    _, measured = streams
+    measured[:, 1, :, 2, 0] = noise(pressed)
+    off = read_off(replace(pressed, measured=measured), [cause(name) for name in ("layout", "dead_taxels")])
     assert list(off.readings) == ["dead_taxels"]
     gone = np.zeros(SIZE, dtype=bool)
     gone[1, :, 2, 0] = True
     np.testing.assert_array_equal(off.problem.alive, ~gone)
     assert off.judged.alive.all(), "the missing reading of a dead taxel should still count as an error"
-
-
-def test_a_sensor_that_does_not_answer_at_all_is_refused():
-    made = problem(lambda force, time: 0 * force)
     with pytest.raises(InvalidValueError, match="no taxel responds"):
-        read_off(made, [cause("dead_taxels")])
+        read_off(problem(lambda force, time: 0 * force), [cause("dead_taxels")])

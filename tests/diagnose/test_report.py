@@ -4,7 +4,6 @@ import dataclasses
 import html
 import re
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,15 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
 
+import browser
+from recorded import diagnosed, names
+from report_pages import check_pictures, pictures_of, recording
+
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.diagnosis import Symptoms
 from paxisim.diagnose.run import diagnose
 from paxisim.diagnose.vocabulary import cause
 from paxisim.errors import MissingExtraError
-
-sys.path.insert(0, str(Path(__file__).parent))
-import browser
-from report_pages import check_pictures, pictures_of, recording
 
 CHROME = browser.find()
 
@@ -29,57 +28,50 @@ pytestmark = pytest.mark.timeout(300)  # the fixtures make four diagnoses and fi
 
 @pytest.fixture(scope="module")
 def two():
-    given = recording(("rotation", "latency"), strength=0.9)
-    return diagnose(given, ("rotation", "latency"))
+    """Return a diagnosis of two causes, with the black box."""
+    return diagnose(recording(("rotation", "latency"), strength=0.9), ("rotation", "latency"))
 
 
 @pytest.fixture(scope="module")
-def interfered():
-    return diagnose(recording(("interference",), seed=1, strength=0.6), ("interference", "offset", "drift"))
+def found(two):
+    """Diagnoses of every kind, by name."""
+    return {
+        "two": two,
+        "interfered": diagnosed(recording(("interference",), seed=1, strength=0.6), ("interference", "offset")),
+        "outsider": diagnosed(recording(("hum",), strength=0.8), ("axis_gain",)),
+        "null": diagnosed(recording(), ("axis_gain",)),
+        "loaded": Diagnosis.from_json(two.to_json()),
+    }
 
 
 @pytest.fixture(scope="module")
-def outsider():
-    return diagnose(recording(("hum",), strength=0.8), ("axis_gain",))
-
-
-@pytest.fixture(scope="module")
-def null():
-    return diagnose(recording(), ("axis_gain",))
-
-
-@pytest.fixture(scope="module")
-def pages(two, interfered, outsider, null, tmp_path_factory):
-    """Files with pages of every kind, by name."""
-    folder = tmp_path_factory.mktemp("pages")
-    loaded = Diagnosis.from_json(two.to_json())
-    for name, found in {
-        "two": two, "interfered": interfered, "outsider": outsider, "null": null, "loaded": loaded
-    }.items():  # fmt: skip
-        (folder / f"{name}.html").write_text(found.report(), encoding="utf-8")
-    return {path.stem: path for path in folder.iterdir()}
+def pages(found):
+    """Pages by name."""
+    return {name: each.report() for name, each in found.items()}
 
 
 def section_of(page, name):
     return re.search(rf'<section class="cause" id="{name}">(.*?)</section>', page, re.DOTALL)[1]
 
 
+def titles_of(page):
+    return [title for title, _, _ in pictures_of(page)]
+
+
 def test_two_causes_each_with_its_pictures_and_figures(two, pages):
-    page = pages["two"].read_text(encoding="utf-8")
+    page = pages["two"]
     assert {c.name for c in two.causes} == {"rotation", "latency"}
-    first, second = (c.name for c in two.causes)
+    first, second = names(two)
     assert f"<h1>{first.capitalize()} and {second} " in page
-    check_pictures(pictures_of(page))
-    for found in two.causes:
-        section = section_of(page, found.name)
-        titles = [title for title, _, _ in pictures_of(section)]
-        assert len(titles) == 2
-        assert cause(found.name).words in html.unescape(section)
-        assert found.evidence in html.unescape(section)
-        assert all(p.name in section and str(p.value) in section for p in found.parameters)
-        assert f"{found.gain.value:.0%}" in section
+    for each in two.causes:
+        section = section_of(page, each.name)
+        assert len(titles_of(section)) == 2
+        assert cause(each.name).words in html.unescape(section)
+        assert each.evidence in html.unescape(section)
+        assert all(p.name in section and str(p.value) in section for p in each.parameters)
+        assert f"{each.gain.value:.0%}" in section
         assert "confidence" in section
-    titles = [title for title, _, _ in pictures_of(page)]
+    titles = titles_of(page)
     assert sum(title.startswith("Episode ") for title in titles) == 3
     assert sorted(title[:2] for title in titles[:3]) == ["x:", "y:", "z:"]
     assert any(title.startswith("Held-out error") for title in titles)
@@ -87,55 +79,43 @@ def test_two_causes_each_with_its_pictures_and_figures(two, pages):
     assert f"{two.heldout.noise_floor:.1%}" in page
     assert "not asked for" not in page
     assert len(page) < 1_000_000
-
-
-def test_the_pictures_say_what_was_hidden(two, interfered, pages):
-    section = section_of(pages["two"].read_text(encoding="utf-8"), "latency")
-    shift = next(float(t.split()[-2]) for t, _, _ in pictures_of(section) if t.endswith(" ms"))
+    # the pictures say what was hidden
+    shift = next(float(t.split()[-2]) for t in titles_of(section_of(page, "latency")) if t.endswith(" ms"))
     delay = next(c for c in two.causes if c.name == "latency").parameters[0].value.value
     assert shift == pytest.approx(1e3 * delay, abs=5)
-    assert [c.name for c in interfered.causes] == ["interference"]
-    section = section_of(pages["interfered"].read_text(encoding="utf-8"), "interference")
-    assert all("with the gripper opening" in title for title, _, _ in pictures_of(section))
+    section = section_of(pages["interfered"], "interference")
+    assert all("with the gripper opening" in title for title in titles_of(section))
 
 
-def test_nothing_to_load_and_no_script(pages):
-    for path in pages.values():
-        page = path.read_text(encoding="utf-8")
+def test_every_page_has_sound_pictures_and_loads_nothing(pages):
+    for name, page in pages.items():
+        check_pictures(pictures_of(page))
         bare = re.sub(r'src="data:[^"]*"', "", page)
-        assert not re.search(r"https?:|//[a-z]+\.|<script|@import|url\(", bare)
-        assert re.findall(r'href="([^"]*)"', bare) == ["data:,"]
+        assert not re.search(r"https?:|//[a-z]+\.|<script|@import|url\(", bare), name
+        assert re.findall(r'href="([^"]*)"', bare) == ["data:,"], name
 
 
-def test_an_outsider_says_what_is_left_and_draws_no_cause(outsider, pages):
-    page = pages["outsider"].read_text(encoding="utf-8")
+def test_an_outsider_says_what_is_left_and_a_null_that_they_agree(found, pages):
+    outsider, page = found["outsider"], html.unescape(pages["outsider"])
     assert outsider.verdict == "unexplained"
     assert "The simulation differs from the measurement, and no known cause explains it" in page
     assert "<h2>Causes</h2>" not in page
-    assert all(html.escape(item.what, quote=False) in html.unescape(page) for item in outsider.symptoms.left_over)
-    assert all(line in html.unescape(page) for line in outsider.advice)
-    check_pictures(pictures_of(page))
-    assert sum(title.startswith("Episode ") for title, _, _ in pictures_of(page)) == 3
+    assert all(item.what in page for item in outsider.symptoms.left_over)
+    assert all(line in page for line in outsider.advice)
+    assert sum(title.startswith("Episode ") for title in titles_of(pages["outsider"])) == 3
+    assert found["null"].verdict == "no_discrepancy"
+    assert "The simulation agrees with the measurement" in pages["null"]
+    assert "empty chain" in pages["null"]
 
 
-def test_a_null_says_that_they_agree(null, pages):
-    page = pages["null"].read_text(encoding="utf-8")
-    assert null.verdict == "no_discrepancy"
-    assert "The simulation agrees with the measurement" in page
-    assert "empty chain" in page
-    check_pictures(pictures_of(page))
-
-
-def test_a_loaded_diagnosis_says_what_its_page_lacks(pages, two, tmp_path):
-    page = pages["loaded"].read_text(encoding="utf-8")
-    assert "The file does not contain the recorded streams" in page
-    check_pictures(pictures_of(page))
-    titles = [title for title, _, _ in pictures_of(page)]
+def test_a_loaded_diagnosis_says_what_its_page_lacks(found, pages, two, tmp_path):
+    titles = titles_of(pages["loaded"])
     assert any(title.startswith("Held-out error") for title in titles)
     assert not any(title.startswith("Episode ") for title in titles)
-    assert all(c.evidence in html.unescape(page) for c in two.causes)
-    Diagnosis.from_json(two.to_json()).save(tmp_path)
-    assert "The file does not contain the recorded streams" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert all(c.evidence in html.unescape(pages["loaded"]) for c in two.causes)
+    found["loaded"].save(tmp_path)
+    for page in (pages["loaded"], (tmp_path / "report.html").read_text(encoding="utf-8")):
+        assert "The file does not contain the recorded streams" in page
 
 
 def test_one_episode_claims_no_gain(two):
@@ -144,45 +124,44 @@ def test_one_episode_claims_no_gain(two):
     assert "no improvement is claimed" in page
     assert "these figures are in-sample" in page
     text = html.unescape(re.sub('src="[^"]*"', "", page))
-    for found in two.causes:
-        text = text.replace(found.evidence, "")
+    for each in two.causes:
+        text = text.replace(each.evidence, "")
     assert not re.search("(?<!nothing is )held.out", text)
 
 
-def test_warnings_and_names_are_text_not_markup(null):
-    bad = dataclasses.replace(null, symptoms=Symptoms(warnings=("<script>alert(1)</script>",)), streams=None)
-    page = bad.report()
+def test_warnings_and_names_are_text_not_markup(found):
+    symptoms = Symptoms(warnings=("<script>alert(1)</script>",))
+    page = dataclasses.replace(found["null"], symptoms=symptoms, streams=None).report()
     assert "<script" not in page
     assert "&lt;script&gt;" in page
 
 
-def test_the_snippet_runs(interfered, pages, tmp_path, monkeypatch):
-    page = pages["interfered"].read_text(encoding="utf-8")
-    code = html.unescape(re.search(r"<pre><code>(.*?)</code></pre>", page, re.DOTALL)[1])
-    interfered.save(tmp_path)
+def test_the_snippet_runs(found, pages, tmp_path, monkeypatch):
+    code = html.unescape(re.search(r"<pre><code>(.*?)</code></pre>", pages["interfered"], re.DOTALL)[1])
+    found["interfered"].save(tmp_path)
     monkeypatch.chdir(tmp_path)
-    streams = interfered.streams
-    names = {
+    streams = found["interfered"].streams
+    given = {
         "force": streams.simulated[:50], "time": streams.time[:50], "dt": 0.01,
         "covariates": {name: values[:50] for name, values in streams.covariates.items()},
         "now": {name: values[0] for name, values in streams.covariates.items()},
     }  # fmt: skip
-    exec(code, names)
-    assert names["readings"].shape == names["force"].shape
-    assert names["reading"].shape == names["force"].shape[1:]
-    assert not np.allclose(names["readings"], names["force"])
+    exec(code, given)
+    assert given["readings"].shape == given["force"].shape
+    assert given["reading"].shape == given["force"].shape[1:]
+    assert not np.allclose(given["readings"], given["force"])
 
 
-def test_saved_beside_the_numbers_and_without_the_extra_a_warning(two, tmp_path, monkeypatch):
-    two.save(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["diagnosis.json", "model.json", "report.html"]
+def test_without_the_extra_a_warning_stands_in_for_the_page(found, tmp_path, monkeypatch):
+    null = found["null"]
+    null.save(tmp_path)
     for module in ("jinja2", "matplotlib"):
         with monkeypatch.context() as without:
             without.setitem(sys.modules, module, None)
             with pytest.raises(MissingExtraError, match=rf"{module}.*paxisim\[diagnose\]"):
-                two.report()
+                null.report()
             with pytest.warns(UserWarning, match=f"report.html was not written: .*{module}"):
-                two.save(tmp_path)
+                null.save(tmp_path)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["diagnosis.json", "model.json"]
 
 
@@ -207,14 +186,19 @@ def chromium():
 
 @pytest.mark.parametrize(
     ("name", "width", "dark"),
-    [(name, width, False) for name in ("two", "interfered", "outsider", "null", "loaded") for width in (360, 1280)]
-    + [("two", 360, True)],
+    [("two", 360, True)]
+    + [
+        pytest.param(name, width, False, marks=pytest.mark.slow)
+        for name in ("two", "interfered", "outsider", "null", "loaded")
+        for width in (360, 1280)
+    ],
 )
-def test_a_browser_shows_it(chromium, pages, name, width, dark):
-    shown = chromium.open(pages[name], width, dark=dark)
+def test_a_browser_shows_it(chromium, pages, tmp_path, name, width, dark):
+    (tmp_path / "page.html").write_text(pages[name], encoding="utf-8")
+    shown = chromium.open(tmp_path / "page.html", width, dark=dark)
     assert shown.troubles() == []
     images = shown.value("[...document.images].map(i => [i.complete, i.naturalWidth, i.getBoundingClientRect().width])")
-    assert len(images) == len(pictures_of(pages[name].read_text(encoding="utf-8")))
+    assert len(images) == len(pictures_of(pages[name]))
     assert all(complete and natural > 0 and 250 < wide <= width for complete, natural, wide in images)
     assert shown.value("document.documentElement.scrollWidth") <= shown.value("innerWidth") == width
     over = "[...document.querySelectorAll('main *')].filter(e => !e.closest('pre') && " \

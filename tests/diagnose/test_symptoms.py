@@ -17,12 +17,8 @@ def presses(**wrong):
     middle = np.interp(time, [0, 6.5, 8], [1, 1, 2.5])
     cols = np.arange(3)
     spread = np.exp(-((cols - middle[:, None]) ** 2))[:, None, None, None, :] * np.ones((1, 2, 3, 3, 1))
-    one = (
-        force[:, None, None, None, None]
-        * spread
-        / spread.sum(axis=-1, keepdims=True)
-        * np.array([0.1, 0.1, 1.0])[:, None, None]
-    )
+    share = spread / spread.sum(axis=-1, keepdims=True)
+    one = force[:, None, None, None, None] * share * np.array([0.1, 0.1, 1.0])[:, None, None]
     simulated = np.concatenate([one] * 4)
     rng = np.random.default_rng(0)
     measured = simulated + 0.01 * rng.standard_normal(simulated.shape)

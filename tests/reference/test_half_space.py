@@ -17,14 +17,6 @@ def test_a_normal_force_moves_the_surface_as_boussinesq_says():
     assert point_response(far, E, 0.2)[0, 0, 2] < 0
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
-def test_forces_and_places_may_be_exchanged(poisson):
-    """Betti: at the surface, u_i at B due to a force j at A equals u_j at A due to a force i at B."""
-    at = np.array([[3e-3, -2e-3, 1e-12]])
-    there, back = point_response(at, E, poisson)[0], point_response(at * [-1, -1, 1], E, poisson)[0]
-    np.testing.assert_allclose(there, back.T, rtol=1e-6, atol=1e-9 * np.abs(there).max())
-
-
 @pytest.mark.parametrize("poisson", [0.2, 0.48])
 def test_the_displacements_are_in_equilibrium_and_leave_the_surface_free(poisson):
     """Navier: (lambda + mu) grad div u + mu laplace u = 0 inside, by differences; no traction away from the force."""
@@ -60,11 +52,3 @@ def test_a_rectangle_far_away_is_a_point_and_twice_the_modulus_is_half_the_way()
     half, half_turned = half_space_response(offsets, 1e-3, 2 * E, NU, PITCH)
     np.testing.assert_allclose(moved, 2 * half)
     np.testing.assert_allclose(turned, 2 * half_turned)
-
-
-def test_below_a_press_nothing_turns_and_beside_it_magnets_lean_towards_it():
-    _, turned = half_space_response(np.array([[0.0, 0.0], [4e-3, 0.0]]), 1.2e-3, E, NU, PITCH)
-    assert np.abs(turned[0, :, 2]).max() < 1e-9 * np.abs(turned[1]).max()
-    # right-handed about y: the material to the right of a press tilts its top to the left, into the dip
-    assert turned[1, 1, 2] != 0
-    assert abs(turned[1, 0, 2]) < 1e-6 * abs(turned[1, 1, 2])

@@ -34,24 +34,15 @@ def test_a_long_batch_is_read_as_its_frames_and_single_precision_does():
     assert np.abs(single - read).max() < 1e-4 * np.abs(read).max()
 
 
-def test_it_stands_in_a_chain_with_the_firmware_behind_it():
+def test_it_stands_in_a_chain_with_the_firmware_behind_it_and_is_not_saved(tmp_path):
     chain = paxisim.Chain([MagneticSensor(LAYOUT, unit=3), paxisim.augment.Firmware()])
     force = np.random.default_rng(1).uniform(0, 0.2, (2, 3, 6, 5)).astype(np.float32)
     out, _ = chain.step(force, chain.initial_state(force), 0.02)
     assert out.dtype == np.float32
     assert np.all(np.abs(out / 0.1 - np.round(out / 0.1)) < 1e-4)
-
-
-def test_a_chain_with_it_is_made_again_and_not_saved(tmp_path):
-    chain = paxisim.Chain([MagneticSensor(LAYOUT, unit=3)])
     with pytest.raises(paxisim.InvalidValueError, match="cannot be saved"):
         chain.save(tmp_path / "real.json")
     assert not list(tmp_path.iterdir())
-
-
-def test_no_such_unit():
-    with pytest.raises(paxisim.InvalidValueError, match="unit must be"):
-        MagneticSensor(LAYOUT, unit=-1)
 
 
 def test_a_name_makes_the_sensor():
@@ -60,6 +51,8 @@ def test_a_name_makes_the_sensor():
     whole = paxisim.reference_sensor("unit:12+neighbour+memory")(LAYOUT, zeroed_at=0.08)
     assert (whole.unit, whole.memory, whole.covariate) == (12, paxisim.GelMemory(), "gripper_opening")
     assert whole.zeroed_at == 0.08
+    with pytest.raises(paxisim.InvalidValueError, match="unit must be"):
+        MagneticSensor(LAYOUT, unit=-1)
     for wrong in ("7", "unit:", "unit:-1", "unit:7+", "unit:7+ears", "unit:²", "unit:7,memory"):
         with pytest.raises(paxisim.InvalidValueError, match="is named unit:N"):
             paxisim.reference_sensor(wrong)
