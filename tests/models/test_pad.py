@@ -139,7 +139,8 @@ def test_the_base_is_behind_the_cubes_and_as_large():
 
 @pytest.mark.parametrize("bits", [{}, {"contype": 4, "conaffinity": 3}, {"contype": 1, "conaffinity": 0}])
 def test_pads_do_not_meet_each_other(bits):
-    world = "<mujoco><worldbody><body name='a'><freejoint/></body><body name='b'><freejoint/></body></worldbody></mujoco>"
+    bodies = "".join(f"<body name='{name}'><freejoint/></body>" for name in "ab")
+    world = f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
     pad = Pad(POOLED, **bits)
     model = with_pad(with_pad(world, pad, body="a", prefix="a_"), pad, body="b", prefix="b_").compile()
     data = mujoco.MjData(model)
