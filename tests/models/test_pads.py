@@ -57,7 +57,7 @@ def test_more_than_ten_rows_and_columns_keep_their_order():
 def test_pads_of_different_shapes_are_found_one_shape_at_a_time():
     layouts = (TaxelLayout(2, 3, 2e-3), TaxelLayout(3, 2, 2e-3), TaxelLayout(4, 4, 2e-3))
     model = bodies_with(**{name: Pad(layout) for name, layout in zip("abc", layouts, strict=True)}).compile()
-    with pytest.raises(InvalidValueError, match="different shapes .*a_pad 2x3, b_pad 3x2.*: name those wanted"):
+    with pytest.raises(InvalidValueError, match=r"different shapes .*a_pad 2x3, b_pad 3x2.*: name those wanted"):
         find_pads(model, names=["a_pad", "b_pad"])  # the same number of taxels
     with pytest.raises(InvalidValueError, match=r"a_pad 2x3, b_pad 3x2, c_pad 4x4"):
         find_pads(model)
