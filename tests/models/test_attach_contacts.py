@@ -136,14 +136,9 @@ def test_pads_share_the_exclusions_of_their_bodies_and_do_not_meet_each_other():
         return [bool(np.isin(data.contact.geom, geoms).any()) for geoms in find_pads(model).geoms]
 
     assert touched(text) == [True, True]
-    assert touched(text.replace("<contact>", '<contact><exclude body1="bracket" body2="left_finger"/>')) == [
-        False,
-        True,
-    ]
-    assert touched(text.replace("<contact>", '<contact><exclude body1="right_finger" body2="bracket"/>')) == [
-        True,
-        False,
-    ]
+    for finger, expected in (("left_finger", [False, True]), ("right_finger", [True, False])):
+        exclude = f'<contact><exclude body1="bracket" body2="{finger}"/>'
+        assert touched(text.replace("<contact>", exclude)) == expected
     assert touched(GRIPPER, 0.0305) == [False, False], "half a millimetre into each other"
 
 

@@ -10,7 +10,6 @@ from scenes import PAPER, POOLED, axes_of, compiled, with_pad
 import paxisim
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.models.gel import Gel
 from paxisim.models.pad import DENSITY, Pad
 
 PITCH = (2e-3, 5e-3)
@@ -192,12 +191,6 @@ def test_embedded_sensors_have_three_values_a_taxel():
     assert (model.nsensor, model.nsensordata) == (1, 90)
     assert pads.layout.pitch == pytest.approx(POOLED.pitch)
     assert pads.layout.is_grid
-
-
-def test_the_same_pad_gives_the_same_bytes():
-    options = {"heights": np.full((12, 10), 1.2e-3), "sensors": "contact", "gel": Gel(modulus=1e5), "mass": 1 / 3}
-    pad = Pad(PAPER, **options)
-    assert pad.to_xml() == pad.to_xml() == Pad(PAPER, **options).to_xml()
 
 
 # bad input

@@ -77,7 +77,7 @@ def test_equals_the_sum_of_contact_forces():
 
 
 @cones
-@pytest.mark.parametrize("condims", [(1,), (4,), (6,), (1, 3, 4, 6), (6, 1), (1, 3), (4, 1, 3)])
+@pytest.mark.parametrize("condims", [(1,), (6,), (1, 3, 4, 6), (6, 1), (4, 1, 3)])
 def test_taxels_and_objects_of_any_condim(condims, cone):
     model, pads, data = scene(cone=cone, attributes=f'condim="{condims[0]}"')
     readout = TactileReadout(model, pads)
@@ -88,8 +88,6 @@ def test_taxels_and_objects_of_any_condim(condims, cone):
     push(model, data, pads, [0.8, -0.5, 3.0], 5)
     assert set(data.contact.dim) == set(condims)
     assert_exact(readout, model, data)
-    frictionless = model.geom_condim[pads.geoms].reshape(3, 4) == 1
-    np.testing.assert_allclose(readout.read_exact(data)[0, :2][:, frictionless], 0, atol=1e-5)
 
 
 @cones
@@ -143,56 +141,35 @@ def test_rows_of_a_pyramidal_cone_that_look_like_those_of_an_elliptic_one():
     assert_exact(TactileReadout(model, pads), model, data)
 
 
-def cluttered_scene(floor_first, condim, cone):
-    floor = '<geom name="floor" type="plane" size="1 1 0.1"/>'
+@cones
+@pytest.mark.parametrize(("floor_first", "condim"), [(True, 1), (False, 3), (True, 6)])
+def test_contacts_and_constraints_that_are_not_the_pads(floor_first, condim, cone):
+    """Other contacts, joint limits, dry friction and an equality share the constraint rows with the pads' contacts."""
     ball = f"""<body name="ball" pos="0.3 0 0.0099"><freejoint/>
       <geom type="sphere" size="0.01" mass="0.1" condim="{condim}"/></body>"""
     pendulum = """<body pos="0 0.5 0.5"><joint name="limited" type="hinge" axis="1 0 0" range="-10 -5"
       limited="true" frictionloss="0.01"/><geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1" mass="0.1"/>
       <body pos="0 0 -0.1"><joint name="tied" type="hinge" axis="1 0 0"/>
       <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.1" mass="0.1" contype="0" conaffinity="0"/></body></body>"""
-    block = """<body name="block" pos="0 0 0.1078"><freejoint/>
-      <geom type="box" size="0.006 0.005 0.004" mass="0.2"/></body>"""
+    block = '<body pos="0 0 0.1078"><freejoint/><geom type="box" size="0.006 0.005 0.004" mass="0.2"/></body>'
     others, pressed = ball + pendulum, '<body name="carrier" pos="0 0 0.1"/>' + block
-    bodies = others + pressed if floor_first else pressed + others
-    world = f"""<mujoco><option timestep="0.002" cone="{cone}"/><worldbody>{floor}{bodies}</worldbody>
+    world = f"""<mujoco><option timestep="0.002" cone="{cone}"/><worldbody><geom type="plane" size="1 1 0.1"/>
+      {others + pressed if floor_first else pressed + others}</worldbody>
       <equality><joint joint1="tied" polycoef="0.1 0 0 0 0"/></equality></mujoco>"""
-    return attached(world, Pad(LAYOUT), Mount("carrier", pos=(0, 0, 0.004), quat=(0, 1, 0, 0)))
-
-
-@cones
-@pytest.mark.parametrize(("floor_first", "condim"), [(True, 1), (False, 3), (True, 6), (False, 6)])
-def test_contacts_and_constraints_that_are_not_the_pads(floor_first, condim, cone):
-    """Other contacts, joint limits, dry friction and an equality share the constraint rows with the pads' contacts."""
-    model, pads, data = cluttered_scene(floor_first, condim, cone)
-    readout = TactileReadout(model, pads)
+    model, pads, data = attached(world, Pad(LAYOUT), Mount("carrier", pos=(0, 0, 0.004), quat=(0, 1, 0, 0)))
     mujoco.mj_step(model, data, 10)
     of_pads = np.isin(data.contact.geom, pads.geoms).any(axis=1)
-    assert of_pads.any()
-    assert (~of_pads).any()
+    assert set(of_pads) == {True, False}
     assert data.nefc > data.contact.dim.sum()
-    assert_exact(readout, model, data)
-    # constraints, but no contact
-    model.geom_contype[:] = model.geom_conaffinity[:] = 0
-    mujoco.mj_forward(model, data)
-    assert data.ncon == 0
-    assert data.nefc > 0
-    assert not readout.read(data).any()
+    assert_exact(TactileReadout(model, pads), model, data)
 
 
 @cones
-@pytest.mark.parametrize("first", [0, 1])
-def test_contacts_within_their_gap_carry_nothing(first, cone):
+def test_contacts_within_their_gap_carry_nothing(cone):
     """A contact that is listed but not active has no constraint: its address is -1."""
     model, pads, data = scene(cone=cone)
     readout = TactileReadout(model, pads)
-    waiting = pads.geoms[0, first::2]
-    model.geom_pos[waiting] += [0, 0, 0.5e-3]
-    give_gap(model, data, waiting)
-    assert set(data.contact.efc_address < 0) == {True, False}
-    assert_exact(readout, model, data)
-    assert np.all(readout.read(data)[0].reshape(3, -1)[:, first::2] == 0)
-    # no contact is active, without and with other constraints
+    place_object(model, data, pads, [0, 0, -0.5e-3 - OBJECTS["box"][1]])
     give_gap(model, data, pads.geoms[0])
     for others in (False, True):
         model.dof_frictionloss[:] = 0.1 * others
@@ -200,6 +177,11 @@ def test_contacts_within_their_gap_carry_nothing(first, cone):
         assert data.ncon > 0
         assert (data.nefc > 0) == others
         assert not readout.read(data).any()
+    place_object(model, data, pads, [0, 0, -0.1])
+    assert data.ncon == 0
+    force = readout.read(data)
+    assert force.shape == pads.shape
+    assert not force.any()
 
 
 def test_a_cloth_on_a_pad_counts_for_the_taxels_it_touches():
@@ -293,10 +275,8 @@ def unit(vector) -> np.ndarray:
     [
         ("box", True, (1, 0, 0, 0)),
         ("box", False, TILTED),
-        ("cylinder", True, (0, 1, 0, 0)),
-        ("cylinder", False, TILTED),
         ("mesh", True, (0.5, -0.5, 0.5, 0.5)),
-        ("mesh", False, (1, 0, 0, 0)),
+        ("cylinder", True, TILTED),
     ],
 )
 def test_signs_press_drag_right_drag_down(shape, pads_first, quat):
@@ -362,24 +342,14 @@ def test_several_pads_in_the_order_asked_for_equal_the_embedded_contact_sensors(
 # one reading after another
 
 
-def test_without_contact_and_after_a_change_of_the_cone():
-    model, pads, data = scene()
-    readout = TactileReadout(model, pads)
-    for cone in (mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC):
-        model.opt.cone = cone
-        push(model, data, pads, [0.8, -0.5, 3.0], 5)
-        assert_exact(readout, model, data)
-    place_object(model, data, pads, [0, 0, -0.1])
-    assert data.ncon == 0
-    force = readout.read(data)
-    assert force.shape == pads.shape
-    assert not force.any()
-
-
 def test_read_rounds_the_exact_value_to_float32_and_changes_nothing():
     model, pads, data = scene()
     readout = TactileReadout(model, pads)
     assert readout.pads is pads
+    for cone in (mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC):
+        model.opt.cone = cone
+        push(model, data, pads, [0.8, -0.5, 3.0], 5)
+        assert_exact(readout, model, data)
     before = data.efc_force.copy(), data.contact.frame.copy()
     force, exact = readout.read(data), readout.read_exact(data)
     assert (force.dtype, exact.dtype) == (np.float32, np.float64)
