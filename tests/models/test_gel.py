@@ -124,19 +124,6 @@ def test_linear_to_two_fifths_of_the_thickness_then_ever_stiffer():
         assert 5 * stated_stiffness(pad) < through < STIFFENING * stated_stiffness(pad)
 
 
-def test_a_ball_under_20_newtons_does_not_go_through():
-    world = """<mujoco><option gravity='0 0 0' cone='elliptic' impratio='10'/><worldbody>
-        <body name='probe' pos='0.0003 0.0002 -0.0081'><joint type='slide' axis='0 0 1'/><geom size='0.008' mass='0.1'/>
-        </body></worldbody></mujoco>"""
-    pad = Pad(POOLED)
-    model = with_pad(world, pad).compile()
-    pads = find_pads(model)
-    pad.gel.apply(model, pads)
-    data = mujoco.MjData(model)
-    settle(model, data, 20.0, 1.0)
-    assert TactileReadout(model, pads).read_exact(data)[0, 2].sum() == pytest.approx(20, rel=1e-3)
-
-
 # damping
 
 
@@ -225,27 +212,20 @@ def test_a_held_object_creeps_slowly_with_the_inverse_of_stiffness_times_relaxat
 # the default gel: most taxels of a gently bumped pad carry load
 
 
-def load_on_a_bump(layout, seed, apply, depth_is="thickness"):
-    """Return the normal forces (N) under a plate that is pressed with 4.9 N onto a pad with a random bump."""
-    bump = GaussianBump.sample(layout, np.random.default_rng(seed), depth_is=depth_is)
-    pad = Pad(layout, heights=bump.heights(layout))
-    model, pads, data = plate_under_pad(pad, apply=apply)
-    data.qpos[0] = 1e-3 - pad.heights.max()
-    settle(model, data, 4.9, 0.4)
-    normal = TactileReadout(model, pads).read(data)[0, 2]
-    assert normal.sum() == pytest.approx(4.9, rel=0.01)
-    return normal
-
-
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(8), marks=pytest.mark.slow)], ids=["two", "many"])
-def test_a_flat_load_lights_most_taxels_of_a_bumped_pad_unevenly(seeds):
-    for seed in seeds:
-        for layout, depth_is in ((POOLED, "thickness"), (PAPER, "recess")):
-            normal = load_on_a_bump(layout, seed, apply=True, depth_is=depth_is)
-            assert np.mean(normal > 5e-3) >= 0.8, f"seed {seed}"
-            assert normal.max() > 1.5 * normal.min()
+@pytest.mark.parametrize(("layout", "depth_is"), [(POOLED, "thickness"), (PAPER, "recess")], ids=["6x5", "12x10"])
+def test_a_flat_load_lights_most_taxels_of_a_bumped_pad_unevenly(layout, depth_is):
+    for seed in range(3):
+        bump = GaussianBump.sample(layout, np.random.default_rng(seed), depth_is=depth_is)
+        pad = Pad(layout, heights=bump.heights(layout))
         # without `apply`, the gel in the file assumes an object of 0.1 kg, so it is too stiff for a peg of 0.5 kg
-        assert np.mean(load_on_a_bump(POOLED, seed, apply=False) > 5e-3) >= 0.6, f"seed {seed}"
+        for apply, share in ((True, 0.8), (False, 0.6)):
+            model, pads, data = plate_under_pad(pad, apply=apply)
+            data.qpos[0] = 1e-3 - pad.heights.max()
+            settle(model, data, 4.9, 0.4)
+            normal = TactileReadout(model, pads).read(data)[0, 2]
+            assert normal.sum() == pytest.approx(4.9, rel=0.01)
+            assert np.mean(normal > 5e-3) >= share, f"seed {seed}"
+            assert normal.max() > 1.5 * normal.min()
 
 
 # what apply writes
