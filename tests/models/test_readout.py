@@ -91,7 +91,7 @@ def test_taxels_and_objects_of_any_condim(condims, cone):
 
 
 @cones
-@pytest.mark.parametrize("condims", [(3, 3), (1, 3), (4, 1, 4, 3), (3, 3, 6, 3), (1, 6, 3, 1, 4)])
+@pytest.mark.parametrize("condims", [(3, 3), (3, 3, 3, 3), (1, 3), (4, 1, 4, 3), (3, 3, 6, 3), (1, 6, 3, 1, 4)])
 def test_one_contact_a_taxel(condims, cone):
     """Contacts have any condim, one is inactive, and any number of other constraints come before them.
 
