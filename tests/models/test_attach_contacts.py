@@ -178,6 +178,23 @@ def test_a_saved_gripper_finds_its_meshes_from_where_it_was_saved(tmp_path, suff
     assert not re.search("meshdir|texturedir", attach(GRIPPER, PAD, MOUNTS).to_xml()), "no files, no folders"
 
 
+def test_what_is_saved_behaves_as_what_was_compiled():
+    """The forces of a squeeze agree to the precision of the saved file."""
+    gripper = attach(GRIPPER, Pad(POOLED, heights=np.linspace(0.9e-3, 1.1e-3, 30).reshape(6, 5)), MOUNTS)
+    forces = []
+    for model in (gripper.compile(), mujoco.MjModel.from_xml_string(gripper.to_xml())):
+        pads = gripper.bind(model)
+        model.geom_contype[pads.geoms] = 1  # pads that press on each other suffice here
+        model.body_contype[:] = 1
+        set_options(model)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.ctrl[:] = 0.03, 5
+        mujoco.mj_step(model, data, 300)
+        forces.append(TactileReadout(model, pads).read_exact(data))
+    assert forces[0][0, 2].sum() == pytest.approx(5, rel=0.05)
+    np.testing.assert_allclose(forces[0], forces[1], atol=1e-3)
+
+
 # on an arm
 
 ARM = """

@@ -124,6 +124,28 @@ def test_linear_to_two_fifths_of_the_thickness_then_ever_stiffer():
         assert 5 * stated_stiffness(pad) < through < STIFFENING * stated_stiffness(pad)
 
 
+@pytest.mark.parametrize("layout", [POOLED, PAPER], ids=["6x5", "12x10"])
+@pytest.mark.parametrize("shape", ['type="sphere" size="0.008"', 'type="ellipsoid" size="0.012 0.01 0.006"'])
+def test_a_round_object_under_20_newtons_does_not_go_through(layout, shape):
+    pad = Pad(layout)
+    world = f"""<mujoco><worldbody><body name='probe' pos='0.0003 0.0002 -0.0081'>
+      <joint type='slide' axis='0 0 1'/><geom {shape} mass='0.1'/></body></worldbody></mujoco>"""
+    model = with_pad(world, pad).compile()
+    set_options(model, impratio=10)
+    pads = find_pads(model)
+    pad.gel.apply(model, pads)
+    data = mujoco.MjData(model)
+    settle(model, data, 20.0, 1.0)
+    assert TactileReadout(model, pads).read_exact(data)[0, 2].sum() == pytest.approx(20, rel=1e-3)
+
+
+def test_a_very_soft_gel_still_stops_a_peg():
+    for apply in (True, False):
+        model, _, data = plate_under_pad(Pad(POOLED, gel=Gel(modulus=16e3)), apply=apply)
+        settle(model, data, 1.0, 0.6)
+        assert 0 < data.qpos[0] < 0.6e-3
+
+
 # damping
 
 
@@ -159,6 +181,29 @@ def test_a_step_load_is_answered_as_by_springs_and_dampers(relaxation, timestep,
     shares = pressed_over_time(pad, 5.0, 4 * relaxation, mass=2.0, timestep=timestep, cone=cone)
     expected = kelvin_voigt(pad, 2.0, timestep, len(shares))
     np.testing.assert_allclose(shares, expected, atol=0.07)
+
+
+@pytest.mark.parametrize("cone", CONES)
+@pytest.mark.parametrize("mass", [0.1, 0.5, 5.0])
+def test_a_load_is_approached_and_kept(mass, cone):
+    """A light plate outruns the time step at first: 5 N throw 0.1 kg past the equilibrium."""
+    shares = pressed_over_time(Pad(POOLED), 5.0, 0.5, mass=mass, cone=cone)
+    assert shares.max() < (1.5 if mass < 0.5 else 1.02), "overshoot"
+    np.testing.assert_allclose(shares[100:], 1, atol=0.02)
+    after_peak = shares[shares.argmax() :]
+    assert np.abs(np.diff(after_peak)).sum() < 2 * (after_peak[0] - after_peak[-1]) + 0.02, "no ringing"
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
+def test_an_impact_is_caught_without_tunnelling(timestep):
+    model, _, data = plate_under_pad(Pad(POOLED), timestep=timestep)
+    data.qpos[0], data.qvel[0] = -0.5e-3, 0.2
+    depths = []
+    for _ in range(round(0.3 / timestep)):
+        mujoco.mj_step(model, data)
+        depths.append(data.qpos[0])
+    assert 0 < max(depths) < 1e-3
+    assert depths[-1] < max(depths)
 
 
 # friction

@@ -183,7 +183,7 @@ def random_heights(layout, seed):
     return np.random.default_rng(seed).uniform(1e-3, 7e-3, (2, layout.rows, layout.cols))
 
 
-@both
+@pytest.mark.parametrize("layout", [GRID, DOME, TaxelLayout(1, 1, (4e-3, 4e-3))], ids=["grid", "curved", "single"])
 @pytest.mark.parametrize(
     "options",
     [

@@ -155,7 +155,7 @@ def test_the_maker_s_numbers_are_kept(urdf):
         paxisim.sensor_modules(HAND, urdf)
 
 
-def test_attached_pads_come_in_the_order_of_the_bodies_one_kind_at_a_time(urdf):
+def test_pads_come_in_the_order_of_the_bodies_one_kind_at_a_time_and_read_what_presses_on_them(urdf):
     modules = [module for module in paxisim.sensor_modules(HAND, urdf) if module.layout.taxels == 6]
     with pytest.raises(paxisim.InvalidValueError, match=r"different taxels \(2x3 and 1x6"):
         paxisim.attach(HAND, [module.layout for module in modules], [module.mount for module in modules])
@@ -163,6 +163,25 @@ def test_attached_pads_come_in_the_order_of_the_bodies_one_kind_at_a_time(urdf):
     hand = paxisim.attach(HAND, [tip.layout for tip in tips], [tip.mount for tip in tips])
     assert re.search(r"pad f0_t on left_c: taxels within 1.0\.\.\d.\d mm of the skin, in place of geom 0", hand.report)
     assert [mount.name for mount in hand.mounts] == ["f1_t", "f0_t"]
+    # a ball presses on one module with 0.5 N
+    for joint in list(hand.spec.joints):
+        hand.spec.delete(joint)
+    hand.spec.option.gravity = [0, 0, 0]
+    data = mujoco.MjData(model := hand.compile())
+    mujoco.mj_kinematics(model, data)
+    axes = data.body("left_b").xmat.reshape(3, 3)
+    ball = hand.spec.worldbody.add_body(pos=data.body("left_b").xpos + axes @ [0.0195, 0.003, 0.010])
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], mass=0.05)
+    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=-axes[:, 0], damping=2)
+    model = hand.compile()
+    pads = hand.bind(model)
+    data = mujoco.MjData(model)
+    data.qfrc_applied[0] = 0.5
+    mujoco.mj_step(model, data, 1500)
+    force = paxisim.TactileReadout(model, pads).read(data)
+    assert np.abs(data.qvel).max() < 1e-4
+    assert force[0].sum() == 0
+    assert force[1].sum(axis=(1, 2)) == pytest.approx([0, 0, 0.5], abs=0.01)
 
 
 def test_hands_that_do_not_fit_are_refused(urdf):

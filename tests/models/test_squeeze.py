@@ -237,3 +237,13 @@ def test_pads_that_nothing_closes_are_reported_and_what_cannot_be_squeezed_is_re
 def test_public_grippers_with_right_mounts_pass(file):
     result = squeezed(HANDS / file)
     assert result.passed, str(result)
+
+
+@slow
+@pytest.mark.skipif(not HANDS.is_dir(), reason="the public hands are not here")
+@pytest.mark.filterwarnings("ignore:pads behind other geoms")
+@pytest.mark.parametrize(("replaces", "passes"), [((3, 4, 5, 6, 7), True), ((3, 4), False)])
+def test_the_panda_passes_only_if_all_boxes_of_its_fingertips_are_replaced(replaces, passes):
+    mounts = [paxisim.Mount(f"{n}_finger", (0, 0, 0.0445), quat_of((0, 1, 0)), replaces) for n in ("left", "right")]
+    result = squeezed(HANDS / "franka_emika_panda" / "hand.xml", mounts)
+    assert result.passed == passes, str(result)
