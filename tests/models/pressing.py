@@ -33,6 +33,13 @@ JOINTS = {
 }
 
 
+def attached(world: str, pad: Pad, *mounts: Mount) -> tuple[mujoco.MjModel, Pads, mujoco.MjData]:
+    """Attach the pad at each mount, and return the compiled model, its pads with their gel, and fresh data."""
+    gripper = attach(world, pad, mounts)
+    model = gripper.compile()
+    return model, gripper.bind(model), mujoco.MjData(model)
+
+
 def scene(
     shape: str = "box", *, pads_first=True, joint="fixed", cone="elliptic", attributes="", pad=None, quat=TILTED
 ) -> tuple[mujoco.MjModel, Pads, mujoco.MjData]:
@@ -49,10 +56,7 @@ def scene(
     world = f"""<mujoco><option timestep="0.002" cone="{cone}" gravity="0 0 0"/>{WEDGE}
       <worldbody>{"".join(bodies)}</worldbody></mujoco>"""
     mount = Mount("carrier", pos=(0.004, 0.002, -0.01), quat=(0.3, 0.5, -0.2, 0.8))
-    gripper = attach(world, pad or Pad(LAYOUT), [mount])
-    model = gripper.compile()
-    pads = gripper.bind(model)
-    data = mujoco.MjData(model)
+    model, pads, data = attached(world, pad or Pad(LAYOUT), mount)
     place_object(model, data, pads, [0.7e-3, -0.4e-3, 0.2e-3 - reach])
     return model, pads, data
 
@@ -114,12 +118,9 @@ def squeezed(shape: str, *, cone="elliptic", grip=4.0, pad=None, order=("fixed",
         Mount("moving", pos=(0, 0, 0.2e-3 - 2 * reach), quat=tuple(turned(quat))),
     ]
     # stiff enough for a sphere, which a single taxel may have to carry
-    gripper = attach(world, pad or Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3)), mounts)
-    model = gripper.compile()
+    model, pads, data = attached(world, pad or Pad(LAYOUT, gel=Gel(modulus=3e6, thickness=1e-3)), *mounts)
     # gravity is mostly along the pads' surfaces: friction carries 80 % of the weight
     model.opt.gravity = Rotation.from_euler("xy", [50, 20], degrees=True).apply([0, 0, -9.81])
-    pads = gripper.bind(model)
-    data = mujoco.MjData(model)
     place_object(model, data, find_pads(model, names=["fixed_pad"]), [0, 0, -reach])
     data.ctrl[0] = grip
     return model, pads, data

@@ -1,9 +1,12 @@
-"""Scenes shared by several tests: a plate on a pad, a two-finger gripper in plain MJCF, an arm that carries it."""
+"""Scenes shared by several tests: a plate on a pad, a two-finger gripper in plain MJCF, the package's own gripper."""
+
+from importlib.resources import files
 
 import mujoco
 import numpy as np
 
 from paxisim.layout import TaxelLayout
+from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 
@@ -82,25 +85,29 @@ GRIPPER = """
 INTO_FINGER = (0.5, -0.5, -0.5, 0.5)
 TIP_SURFACE = (0.0, 0.0, -0.016)
 
-ARM = """
-<mujoco model="arm">
-  <compiler angle="radian" autolimits="true"/>
-  <worldbody>
-    <body name="shoulder" pos="0 0 0.6">
-      <joint name="lift" type="hinge" axis="0 1 0" damping="50" armature="5"/>
-      <geom name="upper" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03" mass="1"/>
-      <body name="wrist" pos="0.3 0 0">
-        <joint name="turn" type="hinge" axis="0 0 1" damping="50" armature="5"/>
-        <geom name="lower" type="capsule" fromto="0 -0.2 0 0 0.2 0" size="0.02" mass="0.5"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>
-    <position name="lift" joint="lift" kp="20000"/>
-    <position name="turn" joint="turn" kp="20000"/>
-  </actuator>
-</mujoco>
-"""
+# the package's own gripper, whose fingertips are flat
+OWN_GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
+
+
+def fingertips(**changed) -> list[Mount]:
+    """Return the mounts on the fingertips of the package's gripper, with the changes given."""
+    place = {"pos": (0, 0, -0.019), "quat": INTO_FINGER} | changed
+    return [Mount(f"{side}_finger", **place, replaces=(f"{side}_fingertip",)) for side in ("left", "right")]
+
+
+def axes_of(quat) -> np.ndarray:
+    """Return the x, y and z axes of an orientation as the columns of a matrix."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(quat, dtype=float))
+    return matrix.reshape(3, 3)
+
+
+def with_pad(world: mujoco.MjSpec | str, pad: Pad, *, body="", prefix="p_", **place) -> mujoco.MjSpec:
+    """Put the pad into a world, on a body or fixed, and return the spec."""
+    spec = mujoco.MjSpec.from_string(world) if isinstance(world, str) else world
+    frame = (spec.body(body) if body else spec.worldbody).add_frame(**place)
+    frame.attach_body(mujoco.MjSpec.from_string(pad.to_xml()).body(pad.name), prefix, "")
+    return spec
 
 
 def compiled(pad: Pad, **options) -> tuple[mujoco.MjModel, Pads]:
@@ -138,10 +145,7 @@ def plate_under_pad(pad: Pad, *, mass=0.5, joint="slide", attributes="", apply=T
     world = f"""<mujoco><worldbody><body name="plate" pos="0 0 -0.01">{joints}
       <geom name="plate" type="box" size="{size} {size} 0.01" mass="{mass}" {attributes}/>
     </body></worldbody></mujoco>"""
-    spec = mujoco.MjSpec.from_string(world)
-    child = mujoco.MjSpec.from_string(pad.to_xml())
-    spec.worldbody.add_frame().attach_body(child.body(pad.name), "the_", "")
-    model = spec.compile()
+    model = with_pad(world, pad, prefix="the_").compile()
     set_options(model, **options)
     pads = find_pads(model)
     if apply:

@@ -1,141 +1,82 @@
+"""`find_mounts` on grippers of two and three fingers: which faces it finds, what they replace, and what it refuses."""
+
 from __future__ import annotations
+
+import functools
 
 import mujoco
 import numpy as np
 import pytest
+from fingers import BOX, box, check_two, robot, two_fingers
+from scenes import axes_of
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import attach
 from paxisim.models.find_mounts import choose_mounts, find_mounts
 from paxisim.models.load import load_spec
 
-# two fingers on slides along x, 80 mm apart when open; their inner faces are at x = -+40 mm, centre 40 mm up
-TWO_FINGERS = """
-<mujoco>
-  <asset>{asset}</asset>
-  <worldbody>
-    <body name="palm" {palm}>
-      <geom name="palm" type="box" size="0.06 0.02 0.01" pos="0 0 -0.01"/>
-      <body name="left" pos="-0.045 0 0.04">
-        <joint name="left" type="slide" axis="1 0 0" range="0 0.04" damping="5"/>
-        {left}
-      </body>
-      <body name="right" pos="0.045 0 0.04">
-        <joint name="right" type="slide" axis="1 0 0" range="-0.04 0" damping="5"/>
-        {right}
-      </body>
-    </body>
-  </worldbody>
-  <actuator>{actuators}</actuator>
-  <keyframe><key name="rest" qpos="0 0"/></keyframe>
-</mujoco>
-"""
-BOX = '<geom type="box" size="0.005 0.01 0.03" mass="0.05"/>'
-SERVOS = """
-<position name="left" joint="left" kp="100" ctrlrange="0 0.04"/>
-<position name="right" joint="right" kp="100" ctrlrange="-0.04 0"/>
-"""
+PLAIN = robot(two_fingers())
+find_once = functools.cache(find_mounts)
 
 
-def two_fingers(left=BOX, right=BOX, actuators=SERVOS, asset="", palm=""):
-    return TWO_FINGERS.format(left=left, right=right, actuators=actuators, asset=asset, palm=palm)
-
-
-def frame(mount):
-    """Return the x, y and z axes of the pad frame as columns in the body frame."""
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.array(mount.quat))
-    return matrix.reshape(3, 3)
-
-
-def check_two(found, x, size, centre=0.0, atol=1e-4):
-    """Check that the faces oppose each other along x, `x` from their bodies' origins, with rows along z."""
-    assert [m.body for m in found.mounts] == ["left", "right"]
-    for face, side in zip(found.faces, (1, -1), strict=True):
-        np.testing.assert_allclose(face.mount.pos, (side * x, 0, centre), atol=atol)
-        axes = frame(face.mount)
-        np.testing.assert_allclose(axes[:, 2], (-side, 0, 0), atol=0.03)
-        np.testing.assert_allclose(axes[:, 1], (0, 0, 1), atol=0.03)
-        np.testing.assert_allclose(np.cross(axes[:, 0], axes[:, 1]), axes[:, 2], atol=1e-5)
-        np.testing.assert_allclose(face.size, size, atol=atol)
-
-
-def test_box_fingers():
-    found = find_mounts(two_fingers())
-    check_two(found, 0.005, (0.06, 0.02))
+def test_box_fingers_and_the_report():
+    found = find_once(PLAIN)
+    check_two(found)
     assert [m.replaces for m in found.mounts] == [(0,), (0,)]
     assert [f.opposite for f in found.faces] == [("right",), ("left",)]
     assert all(f.flatness < 1e-6 and f.fill > 0.9 for f in found.faces)
-
-
-def test_report_says_what_was_done():
-    report = find_mounts(two_fingers()).report
-    assert "left: from 0 to 0.04" in report
-    assert "right: from 0 to -0.04" in report
-    assert "left opposes right" in report
-    assert "80.0 mm apart when open" in report
-    assert "face of 60.0 x 20.0 mm" in report
-    assert "switches off left/0" in report
-
-
-def test_poses_for_drawing():
-    found = find_mounts(two_fingers())
     np.testing.assert_allclose(found.open_qpos, 0, atol=1e-3)
     assert np.all(np.abs(found.grasp_qpos) > 0.03)
     assert found.model.nq == 2
+    for words in (
+        "left: from 0 to 0.04",
+        "right: from 0 to -0.04",
+        "left opposes right",
+        "80.0 mm apart when open",
+        "face of 60.0 x 20.0 mm",
+        "switches off left/0",
+    ):
+        assert words in found.report
 
 
-def test_deterministic():
-    assert find_mounts(two_fingers()).faces == find_mounts(two_fingers()).faces
-
-
-def test_turning_the_gripper_changes_nothing():
-    plain = find_mounts(two_fingers())
-    turned = find_mounts(two_fingers(palm='pos="0.3 -0.2 1" quat="0.5 0.1 -0.7 0.3"'))
+def test_the_same_again_from_a_spec_or_a_file_turned_or_free(tmp_path):
+    plain = find_once(PLAIN)
+    spec = mujoco.MjSpec.from_string(PLAIN)
+    before = spec.to_xml()
+    path = tmp_path / "panda_gripper.xml"  # the file name of a known gripper is not enough
+    path.write_text(PLAIN)
+    for source in (spec, path, str(path)):
+        assert find_mounts(source).faces == plain.faces
+    assert spec.to_xml() == before
+    mounts, report, grips = choose_mounts(load_spec(path), str(path))
+    assert (mounts, report, len(grips)) == (plain.mounts, plain.report, 1)
+    rest = '<keyframe><key name="rest" qpos="0 0"/></keyframe>'
+    turned = find_mounts(robot(two_fingers(pose='pos="0.3 -0.2 1" quat="0.5 0.1 -0.7 0.3"'), extra=rest))
     for a, b in zip(plain.mounts, turned.mounts, strict=True):
         assert a.body == b.body
         np.testing.assert_allclose(a.pos, b.pos, atol=1e-5)
-        np.testing.assert_allclose(frame(a), frame(b), atol=1e-4)
+        np.testing.assert_allclose(axes_of(a.quat), axes_of(b.quat), atol=1e-4)
+    check_two(find_mounts(PLAIN.replace('<body name="palm" >', '<body name="palm"><freejoint/>')))
 
 
-def test_free_gripper():
-    xml = two_fingers().replace('<geom name="palm"', '<freejoint/><geom name="palm"').replace('qpos="0 0"', "")
-    check_two(find_mounts(xml), 0.005, (0.06, 0.02))
-
-
-def test_spec_is_left_as_it_is():
-    spec = mujoco.MjSpec.from_string(two_fingers())
-    before = spec.to_xml()
-    found = find_mounts(spec)
-    assert spec.to_xml() == before
-    assert found.faces == find_mounts(two_fingers()).faces
-
-
-def test_path(tmp_path):
-    path = tmp_path / "gripper.xml"
-    path.write_text(two_fingers())
-    assert find_mounts(path).faces == find_mounts(str(path)).faces == find_mounts(two_fingers()).faces
-
-
-def test_capsule_fingers():
-    # within 1 mm of its foremost line a capsule of radius 8 mm is 7.7 mm wide
-    capsule = '<geom name="{}" type="capsule" size="0.008 0.03" mass="0.05"/>'
-    found = find_mounts(two_fingers(capsule.format("l"), capsule.format("r")))
-    check_two(found, 0.008, (0.067, 0.0077), atol=1.5e-3)
-    assert [m.replaces for m in found.mounts] == [("l",), ("r",)]
-    np.testing.assert_allclose([m.pos[0] for m in found.mounts], (0.008, -0.008), atol=5e-5)
+# shapes of fingers
 
 
 @pytest.mark.parametrize(
     ("shape", "width"),
-    [('type="cylinder" size="0.008 0.03"', 0.0077), ('type="ellipsoid" size="0.008 0.01 0.03"', 0.01)],
+    [
+        ('type="capsule" size="0.008 0.03"', 0.0077),  # within 1 mm of its foremost line
+        ('type="cylinder" size="0.008 0.03"', 0.0077),
+        ('type="ellipsoid" size="0.008 0.01 0.03"', 0.01),
+    ],
 )
 def test_round_fingers(shape, width):
-    found = find_mounts(two_fingers(f'<geom {shape} mass="0.05"/>', f'<geom {shape} mass="0.05"/>'))
+    found = find_mounts(robot(two_fingers("", *(f'<geom name="{side}" {shape} mass="0.05"/>' for side in "lr"))))
+    assert [m.replaces for m in found.mounts] == [("l",), ("r",)]
     for mount, side in zip(found.mounts, (1, -1), strict=True):
         np.testing.assert_allclose(mount.pos, (side * 0.008, 0, 0), atol=1e-3)
-        np.testing.assert_allclose(frame(mount)[:, 2], (-side, 0, 0), atol=0.05)
+        np.testing.assert_allclose(axes_of(mount.quat)[:, 2], (-side, 0, 0), atol=0.05)
     assert found.faces[0].size[1] == pytest.approx(width, abs=2e-3)
 
 
@@ -143,52 +84,58 @@ def test_mesh_fingers():
     # wedges: the inner face is 40 x 20 mm, the back is narrower
     points = [(0.005, y, z) for y in (-0.01, 0.01) for z in (-0.02, 0.02)]
     points += [(-0.005, y, z) for y in (-0.005, 0.005) for z in (-0.01, 0.015)]
-
-    def text(sign):
-        return " ".join(f"{sign * x} {y} {z}" for x, y, z in points)
-
-    asset = f'<mesh name="l" vertex="{text(1)}"/><mesh name="r" vertex="{text(-1)}"/>'
-    finger = '<geom name="{0}" type="mesh" mesh="{0}" mass="0.05"/>'
-    found = find_mounts(two_fingers(finger.format("l"), finger.format("r"), asset=asset))
-    check_two(found, 0.005, (0.04, 0.02), atol=2e-4)
+    texts = {name: " ".join(f"{sign * x} {y} {z}" for x, y, z in points) for name, sign in (("l", 1), ("r", -1))}
+    meshes = "".join(f'<mesh name="{name}" vertex="{text}"/>' for name, text in texts.items())
+    left, right = (f'<geom type="mesh" mesh="{name}" mass="0.05"/>' for name in texts)
+    found = find_mounts(robot(two_fingers(left=left, right=right), extra=f"<asset>{meshes}</asset>"))
+    check_two(found, size=(0.04, 0.02), atol=2e-4)
 
 
-def test_pad_in_front_of_a_finger():
+def test_pads_in_front_of_a_finger_and_geoms_behind_the_gel():
     # the face is the pad, 0.5 mm proud of the finger; the finger is replaced too because it would shadow taxels
-    left = BOX + '<geom name="lp" type="box" pos="0.003 0 0.02" size="0.0025 0.008 0.008" mass="0"/>'
-    right = BOX + '<geom name="rp" type="box" pos="-0.003 0 0.02" size="0.0025 0.008 0.008" mass="0"/>'
-    found = find_mounts(two_fingers(left, right))
+    pads = [f'<geom name="{n}" type="box" pos="{x} 0 0.02" size="0.0025 0.008 0.008"/>' for n, x in
+            (("lp", 0.003), ("rp", -0.003))]  # fmt: skip
+    found = find_mounts(robot(two_fingers(left=BOX + pads[0], right=BOX + pads[1])))
     check_two(found, 0.0055, (0.016, 0.016), centre=0.02)
     assert [m.replaces for m in found.mounts] == [(0, "lp"), (0, "rp")]
     assert "beyond the face" in found.report
-
-
-def test_geoms_behind_the_gel_stay():
-    left = '<geom name="back" type="box" pos="-0.004 0 0" size="0.005 0.01 0.03" mass="0.05"/>'
-    left += '<geom name="lp" type="box" pos="0.0035 0 0" size="0.0015 0.01 0.03" mass="0"/>'
-    found = find_mounts(two_fingers(left))
-    assert found.mounts[0].replaces == ("lp",)
-
-
-def test_pad_on_a_body_of_its_own():
-    left = BOX.replace("<geom", '<geom name="l"') + (
+    behind = box(-0.004, 0, 0, 0.005, 0.01, 0.03)
+    front = '<geom name="lp" type="box" pos="0.0035 0 0" size="0.0015 0.01 0.03" mass="0"/>'
+    assert find_mounts(robot(two_fingers(left=behind + front))).mounts[0].replaces == ("lp",)
+    # a pad on a body of its own
+    own = BOX.replace("<geom", '<geom name="l"') + (
         '<body name="left_pad" pos="0.01 0 0"><geom name="lp" type="box" pos="-0.007 0 0.02" '
         'size="0.0025 0.008 0.008" mass="0.01"/></body>'
     )
-    mount = find_mounts(two_fingers(left)).mounts[0]
+    mount = find_mounts(robot(two_fingers(left=own))).mounts[0]
     assert (mount.body, mount.replaces) == ("left_pad", ("l", "lp"))
     np.testing.assert_allclose(mount.pos, (-0.0045, 0, 0.02), atol=1e-4)
+
+
+def test_boxes_in_one_plane_are_one_face():
+    corners = "".join(box("{x}", y, z, 0.002, 0.003, 0.003) for y in (-0.0055, 0.0055) for z in (-0.0055, 0.0055))
+    left, right = (box(0, 0, 0, 0.006, 0.0085, 0.0085) + corners.format(x=x) for x in (0.0055, -0.0055))
+    found = find_mounts(robot(two_fingers(left=left, right=right)))
+    check_two(found, 0.0075, (0.017, 0.017), atol=5e-4)
+    # the large box is within the thickness of the gel behind the pad
+    assert [m.replaces for m in found.mounts] == [(0, 1, 2, 3, 4)] * 2
+    stacked = "".join(box(0, 0, z, 0.005, 0.01, 0.01) for z in (-0.02, 0, 0.02))
+    short = box(0, 0, 0.02, 0.005, 0.01, 0.01)
+    found = find_mounts(robot(two_fingers(left=stacked, right=short)))
+    assert found.mounts[0].replaces == (0, 1, 2)
+    np.testing.assert_allclose(found.faces[0].size, (0.06, 0.02), atol=5e-4)
+    np.testing.assert_allclose([m.pos[2] for m in found.mounts], 0.02, atol=1e-3, err_msg="not in line")
 
 
 @pytest.mark.parametrize("setting", ["discardvisual", "fusestatic"])
 def test_unnamed_geoms_count_as_in_the_file_whatever_the_compiler_leaves_out(setting):
     looks = '<geom type="box" size="0.006 0.011 0.031" contype="0" conaffinity="0"/>'
-    tip = f'<body name="{{0}}_tip" pos="0 0 0.05">{looks}{BOX}</body>'
     link = '<geom type="box" size="0.003 0.003 0.003" mass="0.01"/>'
-    plain = two_fingers(link + tip.format("left"), link + tip.format("right"))
-    text = plain.replace("<asset>", f'<compiler {setting}="true"/><asset>')
+    left, right = (f'{link}<body name="{n}_tip" pos="0 0 0.05">{looks}{BOX}</body>' for n in ("left", "right"))
+    plain = robot(two_fingers(left=left, right=right))
+    text = plain.replace("<compiler", f'<compiler {setting}="true"')
     found = find_mounts(text)
-    assert found.mounts == find_mounts(plain).mounts
+    assert found.mounts == find_once(plain).mounts
     assert [(mount.body, mount.replaces) for mount in found.mounts] == [("left_tip", (1,)), ("right_tip", (1,))]
     spec = attach(text, TaxelLayout(3, 2, 5e-3)).spec
     for side in ("left", "right"):
@@ -196,29 +143,40 @@ def test_unnamed_geoms_count_as_in_the_file_whatever_the_compiler_leaves_out(set
         assert [geom.contype for geom in spec.body(f"{side}_tip").geoms] == [0, 0]
 
 
-MOTORS = '<motor name="left" joint="left" {0}/><motor name="right" joint="right" {0}/>'
+# how fingers are driven
 
 
-@pytest.mark.parametrize("limits", ['ctrlrange="-1 1"', 'forcerange="-2 2"', ""])
-def test_motors(limits):
-    found = find_mounts(two_fingers(actuators=MOTORS.format(limits)))
-    check_two(found, 0.005, (0.06, 0.02))
-    assert found.report.count("to 1" if "force" not in limits else "to 2") == 1
+def both(actuator: str) -> str:
+    return actuator.format("left") + actuator.format("right")
 
 
-def test_servos_without_a_control_range():
-    servos = '<position name="left" joint="left" kp="100"/><position name="right" joint="right" kp="100"/>'
-    found = find_mounts(two_fingers(actuators=servos))
-    check_two(found, 0.005, (0.06, 0.02))
-    assert "left: from 0 to 0.04" in found.report
+@pytest.mark.parametrize(
+    ("actuators", "extra", "said"),
+    [
+        (both('<motor name="{0}" joint="{0}" ctrlrange="-1 1"/>'), "", "to 1"),
+        (both('<motor name="{0}" joint="{0}" forcerange="-2 2"/>'), "", "to 2"),
+        (both('<motor name="{0}" joint="{0}"/>'), "", "to 1"),
+        (both('<position name="{0}" joint="{0}" kp="100"/>'), "", "left: from 0 to 0.04"),
+        (
+            '<position name="grip" joint="left" kp="100" ctrlrange="0 0.04"/>',
+            '<equality><joint joint1="right" joint2="left" polycoef="0 -1 0 0 0"/></equality>',
+            "grip: from 0 to 0.04",
+        ),
+    ],
+    ids=["motors", "force range", "no limits", "no control range", "coupled"],
+)
+def test_kinds_of_actuators(actuators, extra, said):
+    found = find_mounts(robot((two_fingers()[0], actuators), extra=extra))
+    check_two(found)
+    assert found.report.count(said) == 1
 
 
-def test_one_actuator_that_moves_both():
-    xml = two_fingers(actuators='<position name="grip" joint="left" kp="100" ctrlrange="0 0.04"/>')
-    coupled = '<equality><joint joint1="right" joint2="left" polycoef="0 -1 0 0 0"/></equality><keyframe>'
-    found = find_mounts(xml.replace("<keyframe>", coupled))
-    check_two(found, 0.005, (0.06, 0.02))
-    assert "grip: from 0 to 0.04" in found.report
+def test_an_actuator_that_does_not_close_is_held():
+    spread = '<joint name="spread" axis="0 1 0" type="slide" range="-0.01 0.01" damping="5"/>'
+    servo = '<position name="spread" joint="spread" kp="100" ctrlrange="-0.01 0.01"/>'
+    found = find_mounts(robot(two_fingers(left=spread + BOX), ("", servo)))
+    check_two(found)
+    assert "spread: held at 0, neither opens nor closes" in found.report
 
 
 def linkage(name, side):
@@ -239,24 +197,21 @@ def linkage(name, side):
     """
 
 
-def test_linkage():
+def test_a_four_bar_linkage():
     couplings = "".join(
         f'<joint joint1="{name}_finger" joint2="{name}_outer" polycoef="0 -1 0 0 0"/>'
         f'<joint joint1="{name}_knuckle" joint2="{name}_outer" polycoef="0 1 0 0 0"/>'
         for name in ("left", "right")
     )
-    xml = f"""
-    <mujoco><compiler angle="radian"/><worldbody><body name="palm"><geom type="box" size="0.07 0.02 0.01"/>
-      {linkage("left", -1)} {linkage("right", 1)}
-    </body></worldbody>
-    <equality>{couplings}<joint joint1="right_outer" joint2="left_outer"/></equality>
-    <actuator><position name="grip" joint="left_outer" kp="2" ctrlrange="-0.6 0.9"/></actuator></mujoco>
-    """
-    found = find_mounts(xml)
+    bodies = f"""<body name="palm"><geom type="box" size="0.07 0.02 0.01"/>
+      {linkage("left", -1)} {linkage("right", 1)}</body>"""
+    actuator = '<position name="grip" joint="left_outer" kp="2" ctrlrange="-0.6 0.9"/>'
+    extra = f'<equality>{couplings}<joint joint1="right_outer" joint2="left_outer"/></equality>'
+    found = find_mounts(robot((bodies, actuator), extra=extra))
     assert [m.body for m in found.mounts] == ["left_finger", "right_finger"]
     for mount, side in zip(found.mounts, (1, -1), strict=True):
         np.testing.assert_allclose(mount.pos, (side * 0.004, 0, 0.03), atol=1e-4)
-        np.testing.assert_allclose(frame(mount)[:, 1:].T, ((0, 0, 1), (-side, 0, 0)), atol=1e-3)
+        np.testing.assert_allclose(axes_of(mount.quat)[:, 1:].T, ((0, 0, 1), (-side, 0, 0)), atol=1e-3)
     assert "grip: from -0.6 to 0.9" in found.report
 
 
@@ -271,91 +226,67 @@ def test_three_fingers_around_a_centre():
         for i in range(3)
     )
     servos = "".join(f'<position joint="finger{i}" kp="2" ctrlrange="-0.4 0.7"/>' for i in range(3))
-    xml = f"""<mujoco><compiler angle="radian"/><worldbody><body name="palm">
-        <geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>
-        {fingers}</body></worldbody><actuator>{servos}</actuator></mujoco>"""
-    found = find_mounts(xml)
+    palm = f'<body name="palm"><geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>{fingers}</body>'
+    found = find_mounts(robot((palm, servos)))
     assert [m.body for m in found.mounts] == ["finger0", "finger1", "finger2"]
     for face in found.faces:
         np.testing.assert_allclose(face.mount.pos, (-0.004, 0, 0.04), atol=1e-4)
-        np.testing.assert_allclose(frame(face.mount)[:, 1:].T, ((0, 0, 1), (1, 0, 0)), atol=1e-3)
+        np.testing.assert_allclose(axes_of(face.mount.quat)[:, 1:].T, ((0, 0, 1), (1, 0, 0)), atol=1e-3)
         assert len(face.opposite) == 2
 
 
 def test_one_jaw_against_a_fixed_one():
-    xml = """
-    <mujoco><compiler angle="radian"/><worldbody><body name="base">
+    bodies = """<body name="base">
       <geom name="fixed" type="box" pos="0.05 0 0" size="0.05 0.01 0.004"/>
       <body name="jaw" pos="0 0 0.03">
         <joint name="jaw" axis="0 1 0" range="-1 0.3" damping="0.1"/>
         <geom name="jaw" type="box" pos="0.06 0 0" size="0.03 0.01 0.004" mass="0.05"/>
-      </body>
-    </body></worldbody>
-    <actuator><position name="jaw" joint="jaw" kp="5" ctrlrange="-1 0.3"/></actuator></mujoco>
-    """
-    found = find_mounts(xml)
+      </body></body>"""
+    found = find_mounts(robot((bodies, '<position name="jaw" joint="jaw" kp="5" ctrlrange="-1 0.3"/>')))
     base, jaw = found.mounts
     assert (base.body, base.replaces, jaw.body, jaw.replaces) == ("base", ("fixed",), "jaw", ("jaw",))
     # the outer part of the jaw, which reaches from 30 to 90 mm
     np.testing.assert_allclose(jaw.pos, (0.072, 0, -0.004), atol=1e-3)
-    np.testing.assert_allclose(frame(jaw)[:, 1:].T, ((1, 0, 0), (0, 0, 1)), atol=1e-3)
-    np.testing.assert_allclose(frame(base)[:, 1:].T, ((1, 0, 0), (0, 0, -1)), atol=1e-3)
+    np.testing.assert_allclose(axes_of(jaw.quat)[:, 1:].T, ((1, 0, 0), (0, 0, 1)), atol=1e-3)
+    np.testing.assert_allclose(axes_of(base.quat)[:, 1:].T, ((1, 0, 0), (0, 0, -1)), atol=1e-3)
     assert base.pos[2] == pytest.approx(0.004, abs=1e-4)
     assert found.faces[1].opposite == ("base",)
 
 
-def test_actuator_that_does_not_close_is_held():
-    spread = '<joint name="spread" axis="0 1 0" type="slide" range="-0.01 0.01" damping="5"/>'
-    servo = '<position name="spread" joint="spread" kp="100" ctrlrange="-0.01 0.01"/>'
-    found = find_mounts(two_fingers(left=spread + BOX, actuators=SERVOS + servo).replace('qpos="0 0"', ""))
-    check_two(found, 0.005, (0.06, 0.02))
-    assert "spread: held at 0, neither opens nor closes" in found.report
+# what is refused
+
+# the finger approaches the block but passes it
+PASSING = """
+<mujoco><worldbody><geom type="box" size="0.01 0.01 0.01" pos="0.1 0.08 0"/><body name="finger">
+  <joint name="finger" type="slide" axis="1 0 0" damping="5"/><geom size="0.01" mass="0.1"/></body></worldbody>
+<actuator><position name="finger" joint="finger" kp="100" ctrlrange="0 0.08"/></actuator></mujoco>
+"""
 
 
-def test_without_actuators():
-    with pytest.raises(InvalidValueError, match=r"no actuators.*by hand"):
-        find_mounts(two_fingers(actuators=""))
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (robot((two_fingers()[0], "")), r"no actuators.*--close left right,.*by hand"),
+        (PLAIN.replace("<geom", '<geom contype="0" conaffinity="0"'), "no geom that can touch"),
+        (PLAIN.replace('ctrlrange="0 0.04', 'ctrlrange="0 1e-7').replace('e="-0.04 0', 'e="-1e-7 0'), "moves nothing"),
+        (PASSING, r"no jaw closes on the link that carries it.*by hand"),
+        (PLAIN.replace('<body name="right"', "<body"), r"on body 3 \(its parent is palm\), which has no name"),
+    ],
+    ids=["no actuators", "no geoms", "no motion", "nothing opposes", "no name"],
+)
+def test_grippers_without_a_grip(text, message):
+    with pytest.raises(InvalidValueError, match=message):
+        find_mounts(text)
 
 
-def test_without_collision_geoms():
-    xml = two_fingers().replace("<geom", '<geom contype="0" conaffinity="0"')
-    with pytest.raises(InvalidValueError, match="no geom that can touch"):
-        find_mounts(xml)
-
-
-def test_nothing_moves():
-    with pytest.raises(InvalidValueError, match="moves nothing"):
-        find_mounts(
-            two_fingers(
-                actuators=SERVOS.replace('ctrlrange="0 0.04"', 'ctrlrange="0 0.0000001"').replace(
-                    'ctrlrange="-0.04 0"', 'ctrlrange="-0.0000001 0"'
-                )
-            )
-        )
-
-
-def test_nothing_opposes():
-    # the finger approaches the block but passes it
-    xml = """
-    <mujoco><worldbody><geom type="box" size="0.01 0.01 0.01" pos="0.1 0.08 0"/><body name="finger">
-      <joint name="finger" type="slide" axis="1 0 0" damping="5"/><geom size="0.01" mass="0.1"/>
-    </body></worldbody>
-    <actuator><position name="finger" joint="finger" kp="100" ctrlrange="0 0.08"/></actuator></mujoco>
-    """
-    with pytest.raises(InvalidValueError, match=r"no jaw closes on the link that carries it.*by hand"):
-        find_mounts(xml)
-
-
-def test_a_finger_without_a_name():
-    with pytest.raises(InvalidValueError, match=r"a pad would go on body 3 \(its parent is palm\), which has no name"):
-        find_mounts(two_fingers().replace('<body name="right"', "<body"))
-
-
-def test_choose_mounts_finds_for_an_unknown_gripper(tmp_path):
-    mounts, report, grips = choose_mounts(load_spec(two_fingers()))
-    assert len(grips) == 1
-    assert (mounts, report) == (find_mounts(two_fingers()).mounts, find_mounts(two_fingers()).report)
-    # the file name of a known gripper is not enough
-    path = tmp_path / "panda_gripper.xml"
-    path.write_text(two_fingers())
-    assert choose_mounts(load_spec(path), str(path))[0] == mounts
+def test_names_that_are_not_there_and_a_file_that_is_a_part(tmp_path):
+    for options, message in (
+        ({"fingers": ["lefft", "right"]}, "did you mean 'left'"),
+        ({"close": ["grip"]}, "actuator or joint"),
+        ({"under": "wrist"}, "body 'wrist'"),
+    ):
+        with pytest.raises(UnknownNameError, match=message):
+            find_mounts(PLAIN, **options)
+    (tmp_path / "part.xml").write_text("<mujocoinclude><worldbody/></mujocoinclude>")
+    with pytest.raises(InvalidValueError, match="give the file that includes it"):
+        find_mounts(tmp_path / "part.xml")

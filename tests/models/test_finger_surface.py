@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from scenes import axes_of
 
 import paxisim
 
@@ -27,22 +28,13 @@ GRID = paxisim.TaxelLayout(5, 4, 0.004)
 def test_taxels_lie_on_the_capsule_and_look_out_of_it():
     surface = paxisim.finger_surface(ROUND_FINGER, MOUNT)
     layout = paxisim.conform(GRID, surface)
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, np.array(MOUNT.quat))
-    in_finger = layout.positions @ rotation.reshape(3, 3).T + MOUNT.pos
-    outward = layout.normals @ rotation.reshape(3, 3).T
+    rotation = axes_of(MOUNT.quat)
+    in_finger = layout.positions @ rotation.T + MOUNT.pos
+    outward = layout.normals @ rotation.T
     assert np.hypot(in_finger[:, 0], in_finger[:, 1]) == pytest.approx(0.012, abs=5e-5)
     radial = in_finger * [1, 1, 0]
     radial /= np.linalg.norm(radial, axis=1, keepdims=True)
     assert np.sum(radial * outward, axis=1).min() > 0.998
-
-
-def test_geoms_without_names_count_as_in_the_file():
-    text = ROUND_FINGER.replace('name="link"', 'name="link" contype="0" conaffinity="0"')
-    mount = paxisim.Mount("finger", replaces=(1,))
-    expected = paxisim.finger_surface(text, mount)
-    found = paxisim.finger_surface(text.replace("<worldbody>", '<compiler discardvisual="true"/><worldbody>'), mount)
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
 
 
 def test_the_pad_reads_what_presses_on_it():
@@ -84,21 +76,24 @@ def test_meshes_are_taken_as_they_are_not_as_hulls(tmp_path):
         paxisim.conform(paxisim.TaxelLayout(1, 1, 0.001), surface)  # the ring's hole
 
 
-def test_geoms_by_index_and_what_is_not_there():
+def test_geoms_by_name_or_index_and_what_is_not_there():
     by_index = paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=(2,)))
     assert by_index.extents == pytest.approx([0.008] * 3, rel=0.01)
-    by_body = paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("finger/2",)))
-    np.testing.assert_array_equal(by_body.vertices, by_index.vertices)
-    with pytest.raises(paxisim.UnknownNameError, match="did you mean 'finger'"):
-        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("fingr", replaces=("tip",)))
-    with pytest.raises(paxisim.UnknownNameError, match="did you mean 'tip'"):
-        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("tipp",)))
-    with pytest.raises(paxisim.InvalidValueError, match="no geom 7"):
-        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=(7,)))
-    with pytest.raises(paxisim.InvalidValueError, match="has 3 geoms, there is no geom 3: the last is 2"):
-        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger", replaces=("finger/3",)))
-    with pytest.raises(paxisim.InvalidValueError, match="replaces no geom"):
-        paxisim.finger_surface(ROUND_FINGER, paxisim.Mount("finger"))
+    # indices count as in the file, whatever the compiler leaves out
+    discarded = ROUND_FINGER.replace('name="link"', 'name="link" contype="0" conaffinity="0"')
+    discarded = discarded.replace("<worldbody>", '<compiler discardvisual="true"/><worldbody>')
+    for text, replaces in ((ROUND_FINGER, ("finger/2",)), (discarded, (2,))):
+        found = paxisim.finger_surface(text, paxisim.Mount("finger", replaces=replaces))
+        np.testing.assert_array_equal(found.vertices, by_index.vertices)
+    for body, replaces, error, message in (
+        ("fingr", ("tip",), paxisim.UnknownNameError, "did you mean 'finger'"),
+        ("finger", ("tipp",), paxisim.UnknownNameError, "did you mean 'tip'"),
+        ("finger", (7,), paxisim.InvalidValueError, "no geom 7"),
+        ("finger", ("finger/3",), paxisim.InvalidValueError, "has 3 geoms, there is no geom 3: the last is 2"),
+        ("finger", (), paxisim.InvalidValueError, "replaces no geom"),
+    ):
+        with pytest.raises(error, match=message):
+            paxisim.finger_surface(ROUND_FINGER, paxisim.Mount(body, replaces=replaces))
 
 
 def test_attach_lays_pads_onto_curved_fingers_alone():
@@ -126,20 +121,13 @@ def test_pads_that_cannot_be_laid_are_named_with_the_reason():
     assert message.startswith("3 of 4 pads cannot be laid onto their fingers (beside: 20 of 20 taxels miss the mesh")
     assert "second: the surface at row" in message
     assert "bare: the mount on 'finger' replaces no geom" in message
+    steps = ((-5e-3, 0, 5e-3), (5e-3, 0, 25e-3))
+    stairs = [trimesh.creation.box([0.01, 0.05, 0.01]).apply_translation(at) for at in steps]
+    with pytest.raises(paxisim.InvalidValueError, match=r"steps by 20.0 mm from the taxel at row 0, column 1"):
+        paxisim.conform(GRID, trimesh.util.concatenate(stairs))
     curved = paxisim.conform(GRID, paxisim.finger_surface(ROUND_FINGER, MOUNT))
     with pytest.raises(paxisim.InvalidValueError, match="only a flat grid can be laid"):
         paxisim.attach(ROUND_FINGER, curved, [MOUNT], conform=True)
-
-
-def test_a_step_between_taxels_is_refused():
-    stairs = trimesh.util.concatenate(
-        [
-            trimesh.creation.box([0.01, 0.05, 0.01], trimesh.transformations.translation_matrix(at))
-            for at in ((-0.005, 0, 0.005), (0.005, 0, 0.025))
-        ]
-    )
-    with pytest.raises(paxisim.InvalidValueError, match=r"steps by 20.0 mm from the taxel at row 0, column 1"):
-        paxisim.conform(GRID, stairs)
 
 
 def test_a_pad_for_each_mount():

@@ -1,9 +1,11 @@
 """Gel: pressing measures the stiffness, damping and friction that were specified."""
 
+import itertools
+
 import mujoco
 import numpy as np
 import pytest
-from scenes import PAPER, POOLED, compiled, plate_under_pad, set_options, settle
+from scenes import PAPER, POOLED, compiled, plate_under_pad, set_options, settle, with_pad
 
 from paxisim.bump import GaussianBump
 from paxisim.errors import InvalidValueError
@@ -16,7 +18,7 @@ from paxisim.models.readout import TactileReadout
 CONES = ["elliptic", "pyramidal"]
 
 
-def pressed_stiffness(pad, force, seconds=0.5, **scene):
+def pressed_stiffness(pad, force, seconds=0.4, **scene):
     """Return force over indentation (N/m) of a plate pressed onto the whole pad."""
     model, _, data = plate_under_pad(pad, **scene)
     settle(model, data, force, seconds)
@@ -31,49 +33,6 @@ def stated_stiffness(pad):
 # stiffness
 
 
-@pytest.mark.parametrize("impratio", [1, 10])
-@pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
-@pytest.mark.parametrize("mass", [0.1, 0.5, 5.0])
-def test_pressing_measures_the_stated_stiffness(timestep, cone, impratio, mass):
-    pad = Pad(POOLED)
-    for force in (1.0, 20.0):
-        measured = pressed_stiffness(pad, force, mass=mass, timestep=timestep, cone=cone, impratio=impratio)
-        assert measured == pytest.approx(stated_stiffness(pad), rel=0.01)
-
-
-@pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("mass", [0.1, 5.0])
-def test_a_finer_pad_of_the_same_gel_is_as_stiff(cone, mass):
-    fine, coarse = Pad(PAPER), Pad(POOLED)
-    assert stated_stiffness(fine) == pytest.approx(stated_stiffness(coarse))
-    for force in (1.0, 20.0):
-        measured = pressed_stiffness(fine, force, 0.3, mass=mass, cone=cone)
-        assert measured == pytest.approx(stated_stiffness(fine), rel=0.01)
-
-
-@pytest.mark.parametrize(
-    "gel",
-    [
-        Gel(modulus=40e3),
-        Gel(modulus=1e6, relaxation=0.02),
-        Gel(modulus=60e3, thickness=2e-3),
-        Gel(friction=0.3),
-        Gel(friction=2.0),
-        Gel(relaxation=4e-3),
-        Gel(relaxation=0.1),
-        Gel.per_taxel(200.0, POOLED),
-        Gel.per_taxel(5000.0, POOLED, relaxation=0.01, friction=0.5),
-    ],
-    ids=str,
-)
-@pytest.mark.parametrize("cone", CONES)
-def test_every_gel_has_its_own_stiffness(gel, cone):
-    pad = Pad(POOLED, gel=gel)
-    seconds = max(0.4, 12 * gel.relaxation)
-    assert pressed_stiffness(pad, 4.9, seconds, cone=cone) == pytest.approx(stated_stiffness(pad), rel=0.01)
-
-
 def test_units():
     layout = TaxelLayout(2, 2, (4e-3, 5e-3))
     assert Gel(modulus=30e3, thickness=1e-3).stiffness(layout) == pytest.approx(600)
@@ -82,51 +41,109 @@ def test_units():
     assert gel.stiffness(layout) == pytest.approx(750)
     assert (gel.relaxation, gel.friction) == (0.03, 0.6)
     assert Gel().stiffness(POOLED) == pytest.approx(596, abs=1)
+    assert Gel() == Gel(100e3, 3.3e-3, 0.04, 1.0) != Gel(friction=0.9)
+    assert hash(Gel()) == hash(Gel())
+
+
+ALL_SCENES = list(itertools.product([0.1, 0.5, 5.0], [1e-3, 2e-3], CONES, [1, 10], [1.0, 20.0]))
+SOME_SCENES = [ALL_SCENES[i] for i in (0, 13, 22, 27, 34, 47)]  # every value of each
+
+
+@pytest.mark.parametrize("scenes", [SOME_SCENES, pytest.param(ALL_SCENES, marks=pytest.mark.slow)], ids=["some", "all"])
+def test_pressing_measures_the_stated_stiffness(scenes):
+    pad = Pad(POOLED)
+    for mass, timestep, cone, impratio, force in scenes:
+        measured = pressed_stiffness(pad, force, mass=mass, timestep=timestep, cone=cone, impratio=impratio)
+        where = f"{mass} kg, {timestep} s, {cone}, impratio {impratio}, {force} N"
+        assert measured == pytest.approx(stated_stiffness(pad), rel=0.01), where
+    # a file is for an object of 0.1 kg
+    as_filed = pressed_stiffness(pad, 2.0, mass=0.1, apply=False, timestep=2e-3)
+    assert as_filed == pytest.approx(stated_stiffness(pad), rel=0.05)
 
 
 @pytest.mark.parametrize(
-    "attributes",
+    ("layout", "gel"),
     [
-        'solref="0.001 1" friction="0.01 0.1 0.1"',
-        'solref="-100 -1" solimp="0.1 0.2 0.01"',
-        'condim="6" friction="3 1 1" margin="0"',
-        'solmix="1000" priority="-3"',
-        'solref="-100 -1" solimp="0.1 0.2 0.01" priority="1"',
-        'condim="1" friction="0.01 0.1 0.1" priority="7"',
+        (POOLED, Gel(modulus=40e3)),
+        (POOLED, Gel(modulus=1e6, relaxation=0.02)),
+        (POOLED, Gel(modulus=60e3, thickness=2e-3, friction=0.3)),
+        (POOLED, Gel(relaxation=0.1)),
+        (POOLED, Gel.per_taxel(5000.0, POOLED, relaxation=0.01, friction=0.5)),
+        (POOLED, Gel(friction=2.0)),
+        (PAPER, Gel()),
     ],
 )
-def test_what_the_object_is_made_of_does_not_matter(attributes):
+@pytest.mark.parametrize("cone", CONES)
+def test_every_gel_has_its_own_stiffness_whatever_the_number_of_taxels(layout, gel, cone):
+    pad = Pad(layout, gel=gel)
+    assert stated_stiffness(pad) == pytest.approx(stated_stiffness(Pad(POOLED, gel=gel)))
+    seconds = max(0.4, 12 * gel.relaxation)
+    assert pressed_stiffness(pad, 4.9, seconds, cone=cone) == pytest.approx(stated_stiffness(pad), rel=0.01)
+
+
+def test_what_the_object_is_made_of_does_not_matter():
     pad = Pad(POOLED)
-    assert pressed_stiffness(pad, 4.9, attributes=attributes) == pytest.approx(stated_stiffness(pad), rel=0.01)
+    for attributes in (
+        'solref="0.001 1" friction="0.01 0.1 0.1"',
+        'condim="6" friction="3 1 1" margin="0"',
+        'solref="-100 -1" solimp="0.1 0.2 0.01" priority="1"',
+        'condim="1" friction="0.01 0.1 0.1" solmix="1000" priority="7"',
+    ):
+        measured = pressed_stiffness(pad, 4.9, attributes=attributes)
+        assert measured == pytest.approx(stated_stiffness(pad), rel=0.01), attributes
 
 
-@pytest.mark.parametrize("held", ["fixed", "heavy"])
-def test_a_pad_on_a_finger_is_as_stiff_as_one_on_the_world(held):
+def test_a_pad_on_a_finger_is_as_stiff_as_one_on_the_world():
     """The pad presses on a fixed plate, or on a heavy one that is free in all directions."""
     pad = Pad(POOLED)
-    plate = "<freejoint/>" if held == "heavy" else ""
-    mass = 20.0 if held == "heavy" else 1.0
-    spec = mujoco.MjSpec.from_string(
-        f"""<mujoco><worldbody><body name='finger' pos='0 0 0.5' quat='0 1 0 0'>
+    for plate in ("", "<freejoint/>"):
+        world = f"""<mujoco><option gravity='0 0 0'/><worldbody><body name='finger' pos='0 0 0.5' quat='0 1 0 0'>
           <joint name='slide' type='slide' axis='0 0 1' armature='0.3' damping='5'/>
           <geom type='box' size='0.01 0.01 0.01' mass='0.1' contype='0' conaffinity='0'/></body>
-        <body pos='0 0 0.51'>{plate}<geom name='plate' type='box' size='0.05 0.05 0.01' mass='{mass}'/></body>
-        </worldbody></mujoco>"""
-    )
-    spec.body("finger").add_frame().attach_body(mujoco.MjSpec.from_string(pad.to_xml()).body("pad"), "p_", "")
-    model = spec.compile()
-    model.opt.gravity = 0
+          <body pos='0 0 0.51'>{plate}<geom name='plate' type='box' size='0.05 0.05 0.01' mass='20'/></body>
+          </worldbody></mujoco>"""
+        model = with_pad(world, pad, body="finger").compile()
+        pads = find_pads(model)
+        pad.gel.apply(model, pads)
+        data = mujoco.MjData(model)
+        # the finger is upside down: its +z is the world's -z, and its pad faces up to the plate
+        settle(model, data, -6.0, 0.5)
+        normal = TactileReadout(model, pads).read_exact(data)[0, 2].sum()
+        depth = data.site("p_pad_gel").xpos[2] + 0.5e-3 - (data.geom("plate").xpos[2] - 0.01)
+        assert normal / depth == pytest.approx(stated_stiffness(pad), rel=0.02)
+        assert plate or normal == pytest.approx(6.0, rel=1e-3)
+
+
+def test_linear_to_two_fifths_of_the_thickness_then_ever_stiffer():
+    for thickness in (2e-3, 3.3e-3):
+        pad = Pad(POOLED, gel=Gel(modulus=50e3, thickness=thickness))
+        linear = 30 * pad.gel.stiffness(POOLED) * thickness
+        assert pressed_stiffness(pad, 0.4 * linear) == pytest.approx(stated_stiffness(pad), rel=0.02)
+        assert pressed_stiffness(pad, linear) > 1.5 * stated_stiffness(pad)
+        through = pressed_stiffness(pad, 4 * linear, mass=20.0)
+        assert 5 * stated_stiffness(pad) < through < STIFFENING * stated_stiffness(pad)
+
+
+@pytest.mark.parametrize("layout", [POOLED, PAPER], ids=["6x5", "12x10"])
+@pytest.mark.parametrize("shape", ['type="sphere" size="0.008"', 'type="ellipsoid" size="0.012 0.01 0.006"'])
+def test_a_round_object_under_20_newtons_does_not_go_through(layout, shape):
+    pad = Pad(layout)
+    world = f"""<mujoco><worldbody><body name='probe' pos='0.0003 0.0002 -0.0081'>
+      <joint type='slide' axis='0 0 1'/><geom {shape} mass='0.1'/></body></worldbody></mujoco>"""
+    model = with_pad(world, pad).compile()
+    set_options(model, impratio=10)
     pads = find_pads(model)
     pad.gel.apply(model, pads)
     data = mujoco.MjData(model)
-    # the finger is upside down: its +z is the world's -z, and its pad faces up to the plate
-    settle(model, data, -6.0, 0.5)
-    total = TactileReadout(model, pads).read_exact(data)[0].sum(axis=(1, 2))
-    surface = data.site("p_pad_gel").xpos[2] + 0.5e-3
-    plate = data.geom("plate").xpos[2] - 0.01
-    assert total[2] / (surface - plate) == pytest.approx(stated_stiffness(pad), rel=0.02)
-    if held == "fixed":
-        assert total[2] == pytest.approx(6.0, rel=1e-3)
+    settle(model, data, 20.0, 1.0)
+    assert TactileReadout(model, pads).read_exact(data)[0, 2].sum() == pytest.approx(20, rel=1e-3)
+
+
+def test_a_very_soft_gel_still_stops_a_peg():
+    for apply in (True, False):
+        model, _, data = plate_under_pad(Pad(POOLED, gel=Gel(modulus=16e3)), apply=apply)
+        settle(model, data, 1.0, 0.6)
+        assert 0 < data.qpos[0] < 0.6e-3
 
 
 # damping
@@ -158,8 +175,7 @@ def kelvin_voigt(pad, mass, timestep, steps):
 
 
 @pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
-@pytest.mark.parametrize("relaxation", [0.01, 0.02, 0.04, 0.1])
+@pytest.mark.parametrize(("relaxation", "timestep"), [(0.01, 1e-3), (0.02, 2e-3), (0.1, 2e-3)])
 def test_a_step_load_is_answered_as_by_springs_and_dampers(relaxation, timestep, cone):
     pad = Pad(POOLED, gel=Gel(relaxation=relaxation))
     shares = pressed_over_time(pad, 5.0, 4 * relaxation, mass=2.0, timestep=timestep, cone=cone)
@@ -180,9 +196,8 @@ def test_a_load_is_approached_and_kept(mass, cone):
 
 @pytest.mark.parametrize("timestep", [1e-3, 2e-3])
 def test_an_impact_is_caught_without_tunnelling(timestep):
-    model, _, data = plate_under_pad(Pad(POOLED), mass=0.5, timestep=timestep)
-    data.qvel[0] = 0.2
-    data.qpos[0] = -0.5e-3
+    model, _, data = plate_under_pad(Pad(POOLED), timestep=timestep)
+    data.qpos[0], data.qvel[0] = -0.5e-3, 0.2
     depths = []
     for _ in range(round(0.3 / timestep)):
         mujoco.mj_step(model, data)
@@ -194,181 +209,90 @@ def test_an_impact_is_caught_without_tunnelling(timestep):
 # friction
 
 
-def drag(cone, friction, speed):
-    """Return the mean force on a pad while a plate, pressed with 4.9 N, is dragged over it at `speed` (m/s)."""
+@pytest.mark.parametrize("cone", CONES)
+@pytest.mark.parametrize("friction", [0.5, 1.0])
+def test_friction_holds_below_its_limit_and_slides_with_its_coefficient_above(friction, cone):
     pad = Pad(POOLED, gel=Gel(friction=friction))
-    attributes = 'friction="3 0.1 0.1"'
-    scene = {"joint": "zx", "cone": cone, "impratio": 10.0, "attributes": attributes, "size": 0.3}
+    scene = {"joint": "zx", "cone": cone, "impratio": 10.0, "attributes": 'friction="3 0.1 0.1"', "size": 0.3}
     model, pads, data = plate_under_pad(pad, **scene)
     readout = TactileReadout(model, pads)
-    settle(model, data, (4.9, 0.0), 0.3)
-    for _ in range(300):
-        data.qvel[1] = speed
+    settle(model, data, (4.9, 0.0), 0.4)
+    settle(model, data, (4.9, 0.8 * friction * 4.9), 0.4)
+    held = data.qvel[1]
+    assert readout.read_exact(data)[0, 0].sum() == pytest.approx(0.8 * friction * 4.9, rel=0.01)
+    assert 0 < held < (1e-3 if cone == "elliptic" else 50e-3)
+    settle(model, data, (4.9, 1.5 * friction * 4.9), 0.2)
+    assert data.qvel[1] - held == pytest.approx(0.5 * friction * 4.9 / 0.5 * 0.2, rel=0.25)
+    # dragged at 0.2 m/s
+    settle(model, data, (4.9, 0.0), 0.1)
+    for _ in range(200):
+        data.qvel[1] = 0.2
         mujoco.mj_step(model, data)
         readout.accumulate(data)
-    return readout.mean()[0].sum(axis=(1, 2))
-
-
-@pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("friction", [0.3, 1.0])
-def test_dragging_measures_the_friction_coefficient(friction, cone):
-    force = drag(cone, friction, speed=0.2)
+    force = readout.mean()[0].sum(axis=(1, 2))
     assert force[2] == pytest.approx(4.9, rel=0.03)
     assert force[0] == pytest.approx(friction * force[2], rel=0.02)
     assert abs(force[1]) < 0.01
 
 
-@pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("friction", [0.5, 1.0, 1.5])
-def test_below_the_friction_limit_it_holds_and_above_it_slides(friction, cone):
-    pad = Pad(POOLED, gel=Gel(friction=friction))
-    scene = {"joint": "zx", "cone": cone, "impratio": 10.0, "attributes": 'friction="3 0.1 0.1"', "size": 0.3}
-    model, pads, data = plate_under_pad(pad, **scene)
-    settle(model, data, (4.9, 0.0), 0.4)
-    settle(model, data, (4.9, 0.8 * friction * 4.9), 0.4)
-    held = data.qvel[1]
-    force = TactileReadout(model, pads).read_exact(data)[0].sum(axis=(1, 2))
-    assert force[0] == pytest.approx(0.8 * friction * 4.9, rel=0.01)
-    assert 0 < held < (1e-3 if cone == "elliptic" else 50e-3)
-    settle(model, data, (4.9, 1.5 * friction * 4.9), 0.2)
-    speed = data.qvel[1]
-    assert speed - held == pytest.approx(0.5 * friction * 4.9 / 0.5 * 0.2, rel=0.25)
-
-
-def creep(layout, gel=None, **options):
+def creep(gel=None, **options):
     """Return the creep speed (m/s) of a plate that is pressed with 4.9 N and sheared with 1 N."""
-    pad = Pad(layout, gel=gel or Gel())
-    model, _, data = plate_under_pad(pad, joint="zx", **options)
+    model, _, data = plate_under_pad(Pad(POOLED, gel=gel or Gel()), joint="zx", **options)
     settle(model, data, (4.9, 1.0), 0.3)
     before = data.qpos[1]
     settle(model, data, (4.9, 1.0), 0.2)
     return (data.qpos[1] - before) / 0.2
 
 
-def test_a_held_object_barely_creeps():
-    assert 0 <= creep(POOLED, impratio=10) < 0.2e-3
-    assert creep(POOLED, impratio=1) < 2e-3
-    assert creep(POOLED, cone="pyramidal") < 5e-3
-
-
-def test_creep_goes_with_the_inverse_of_stiffness_times_relaxation():
+def test_a_held_object_creeps_slowly_with_the_inverse_of_stiffness_times_relaxation():
     """As the docstring of `Gel` warns, a gel that relaxes fast lets a held object slide."""
-    base = creep(POOLED)
-    assert creep(POOLED, Gel(relaxation=0.01)) == pytest.approx(4 * base, rel=0.1)
-    assert creep(POOLED, Gel(modulus=200e3)) == pytest.approx(base / 2, rel=0.1)
+    base = creep()
+    assert 0 <= creep(impratio=10) < 0.2e-3
+    assert base < 2e-3
+    assert creep(cone="pyramidal") < 5e-3
+    assert creep(Gel(relaxation=0.01)) == pytest.approx(4 * base, rel=0.1)
+    assert creep(Gel(modulus=200e3)) == pytest.approx(base / 2, rel=0.1)
 
 
 # the default gel: most taxels of a gently bumped pad carry load
 
 
-def lit(pad, apply, seconds=0.4):
-    model, pads, data = plate_under_pad(pad, mass=0.5, apply=apply)
-    data.qpos[0] = 1e-3 - pad.heights.max()
-    settle(model, data, 4.9, seconds)
-    force = TactileReadout(model, pads).read(data)[0]
-    assert force[2].sum() == pytest.approx(4.9, rel=0.01)
-    return float(np.mean(force[2] > 5e-3))
-
-
-@pytest.mark.parametrize("depth_is", ["thickness", "recess"])
-@pytest.mark.parametrize("layout", [POOLED, PAPER], ids=["6x5", "12x10"])
-def test_a_flat_load_lights_most_taxels_of_a_bumped_pad(layout, depth_is):
-    shares = []
-    for seed in range(8):
+@pytest.mark.parametrize(("layout", "depth_is"), [(POOLED, "thickness"), (PAPER, "recess")], ids=["6x5", "12x10"])
+def test_a_flat_load_lights_most_taxels_of_a_bumped_pad_unevenly(layout, depth_is):
+    for seed in range(3):
         bump = GaussianBump.sample(layout, np.random.default_rng(seed), depth_is=depth_is)
-        shares.append(lit(Pad(layout, heights=bump.heights(layout)), apply=True))
-    print(f"lit taxels, {layout.rows}x{layout.cols}, {depth_is}: {min(shares):.0%} to {max(shares):.0%}")
-    assert min(shares) >= 0.8
-
-
-def test_unevenly():
-    """The bump makes the load uneven."""
-    pad = Pad(POOLED, heights=GaussianBump((1.0, 1.5)).heights(POOLED))
-    model, pads, data = plate_under_pad(pad)
-    settle(model, data, 4.9, 0.4)
-    force = TactileReadout(model, pads).read(data)[0, 2]
-    assert force.max() > 1.5 * force.min()
-
-
-def test_a_pad_from_a_file_lights_most_too():
-    """Without `apply`, the gel in the file assumes an object of 0.1 kg, so it is too stiff for a peg of 0.5 kg."""
-    shares = []
-    for seed in range(8):
-        bump = GaussianBump.sample(POOLED, np.random.default_rng(seed))
-        shares.append(lit(Pad(POOLED, heights=bump.heights(POOLED)), apply=False))
-    print(f"lit taxels, from a file: {min(shares):.0%} to {max(shares):.0%}")
-    assert min(shares) >= 0.6
-    assert np.mean(shares) >= 0.7
-
-
-def test_a_file_has_the_stated_stiffness_for_the_object_it_was_meant_for():
-    pad = Pad(POOLED)
-    measured = pressed_stiffness(pad, 2.0, mass=0.1, apply=False, timestep=2e-3)
-    assert measured == pytest.approx(stated_stiffness(pad), rel=0.05)
-
-
-def test_a_very_soft_gel_still_stops_a_peg():
-    pad = Pad(POOLED, gel=Gel(modulus=16e3))
-    for apply in (True, False):
-        model, _, data = plate_under_pad(pad, apply=apply)
-        settle(model, data, 1.0, 0.6)
-        assert 0 < data.qpos[0] < 0.6e-3
-
-
-# pressed through its whole thickness
-
-
-@pytest.mark.parametrize("thickness", [2e-3, 3.3e-3])
-def test_linear_to_two_fifths_of_the_thickness_then_ever_stiffer(thickness):
-    pad = Pad(POOLED, gel=Gel(modulus=50e3, thickness=thickness))
-    linear = 30 * pad.gel.stiffness(POOLED) * thickness
-    assert pressed_stiffness(pad, 0.4 * linear) == pytest.approx(stated_stiffness(pad), rel=0.02)
-    assert pressed_stiffness(pad, linear) > 1.5 * stated_stiffness(pad)
-    through = pressed_stiffness(pad, 4 * linear, mass=20.0)
-    assert 5 * stated_stiffness(pad) < through < STIFFENING * stated_stiffness(pad)
-
-
-@pytest.mark.parametrize("layout", [POOLED, PAPER], ids=["6x5", "12x10"])
-@pytest.mark.parametrize("shape", ['type="sphere" size="0.008"', 'type="ellipsoid" size="0.012 0.01 0.006"'])
-def test_a_round_object_under_20_newtons_does_not_go_through(layout, shape):
-    spec = mujoco.MjSpec.from_string(
-        f"""<mujoco><option gravity='0 0 0' cone='elliptic' impratio='10'/><worldbody>
-        <body name='probe' pos='0.0003 0.0002 -0.0081'><joint type='slide' axis='0 0 1'/><geom {shape} mass='0.1'/>
-        </body></worldbody></mujoco>"""
-    )
-    pad = Pad(layout)
-    spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_string(pad.to_xml()).body("pad"), "p_", "")
-    model = spec.compile()
-    pads = find_pads(model)
-    pad.gel.apply(model, pads)
-    data = mujoco.MjData(model)
-    settle(model, data, 20.0, 1.0)
-    assert TactileReadout(model, pads).read_exact(data)[0, 2].sum() == pytest.approx(20, rel=1e-3)
+        pad = Pad(layout, heights=bump.heights(layout))
+        # without `apply`, the gel in the file assumes an object of 0.1 kg, so it is too stiff for a peg of 0.5 kg
+        for apply, share in ((True, 0.8), (False, 0.6)):
+            model, pads, data = plate_under_pad(pad, apply=apply)
+            data.qpos[0] = 1e-3 - pad.heights.max()
+            settle(model, data, 4.9, 0.4)
+            normal = TactileReadout(model, pads).read(data)[0, 2]
+            assert normal.sum() == pytest.approx(4.9, rel=0.01)
+            assert np.mean(normal > 5e-3) >= share, f"seed {seed}"
+            assert normal.max() > 1.5 * normal.min()
 
 
 # what apply writes
 
 
-def test_apply_changes_the_taxels_and_nothing_else():
+def test_apply_changes_the_taxels_and_nothing_else_and_twice_is_once():
     model, pads, _ = plate_under_pad(Pad(POOLED), apply=False)
     before = {n: getattr(model, n).copy() for n in dir(model) if isinstance(getattr(model, n), np.ndarray)}
-    Gel(modulus=1e5, friction=0.4).apply(model, pads)
+    gel = Gel(modulus=1e5, friction=0.4)
+    gel.apply(model, pads)
     changed = {n for n, value in before.items() if not np.array_equal(value, getattr(model, n))}
     assert changed == {"geom_solref", "geom_solimp", "geom_friction", "body_invweight0"}
-    others = np.setdiff1d(np.arange(model.ngeom), pads.geoms)
-    for name in changed - {"body_invweight0"}:
-        np.testing.assert_array_equal(getattr(model, name)[others], before[name][others])
-    bodies = np.setdiff1d(np.arange(model.nbody), pads.bodies)
-    np.testing.assert_array_equal(model.body_invweight0[bodies], before["body_invweight0"][bodies])
+    kept = {"geom": np.setdiff1d(np.arange(model.ngeom), pads.geoms)}
+    kept["body"] = np.setdiff1d(np.arange(model.nbody), pads.bodies)
+    for name in changed:
+        rows = kept[name[:4]]
+        np.testing.assert_array_equal(getattr(model, name)[rows], before[name][rows])
     np.testing.assert_array_equal(model.geom_friction[pads.geoms[0], 0], 0.4)
-
-
-def test_applying_twice_is_applying_once():
-    model, pads, _ = plate_under_pad(Pad(POOLED))
-    before = model.body_invweight0.copy(), model.geom_solref.copy()
-    Gel().apply(model, pads)
-    np.testing.assert_array_equal(model.body_invweight0, before[0])
-    np.testing.assert_array_equal(model.geom_solref, before[1])
+    once = {name: getattr(model, name).copy() for name in changed}
+    gel.apply(model, pads)
+    for name, value in once.items():
+        np.testing.assert_array_equal(getattr(model, name), value)
 
 
 def test_apply_is_for_the_present_time_step_cone_and_impratio():
@@ -385,17 +309,14 @@ def test_apply_is_for_the_present_time_step_cone_and_impratio():
 # bad input
 
 
-@pytest.mark.parametrize("value", [0, -1.0, float("nan"), float("inf"), "1e5", True])
-@pytest.mark.parametrize("name", ["modulus", "thickness", "relaxation", "friction"])
-def test_bad_values(name, value):
-    with pytest.raises(InvalidValueError, match=f"a gel's {name} must be positive and finite, got"):
-        Gel(**{name: value})
-
-
-@pytest.mark.parametrize("value", [0, -590.0, float("nan")])
-def test_bad_stiffness(value):
-    with pytest.raises(InvalidValueError, match="positive and finite"):
-        Gel.per_taxel(value, POOLED)
+def test_bad_values():
+    for value in (0, -1.0, float("nan"), float("inf"), "1e5", True):
+        for name in ("modulus", "thickness", "relaxation", "friction"):
+            with pytest.raises(InvalidValueError, match=f"a gel's {name} must be positive and finite, got"):
+                Gel(**{name: value})
+    for value in (0, -590.0, float("nan")):
+        with pytest.raises(InvalidValueError, match="positive and finite"):
+            Gel.per_taxel(value, POOLED)
 
 
 def test_a_relaxation_that_the_time_step_cannot_resolve():
@@ -407,9 +328,3 @@ def test_a_relaxation_that_the_time_step_cannot_resolve():
     Gel(relaxation=4e-3).apply(model, pads)
     model.opt.timestep = 1e-3
     Gel(relaxation=2e-3).apply(model, pads)
-
-
-def test_gels_compare_by_value():
-    assert Gel() == Gel(100e3, 3.3e-3, 0.04, 1.0)
-    assert Gel() != Gel(friction=0.9)
-    assert hash(Gel()) == hash(Gel())

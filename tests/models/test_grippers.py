@@ -1,3 +1,5 @@
+"""The grippers that robosuite ships: their mounts are known, and found; nothing but the pads carries the load."""
+
 from __future__ import annotations
 
 import importlib.util
@@ -7,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scenes import axes_of
 
 from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
 from paxisim.models.faces import shadowing
@@ -24,7 +27,15 @@ from paxisim.models.surfaces import surface_of
 
 # two of robosuite's files are repaired when read
 pytestmark = pytest.mark.filterwarnings("ignore:.*is not sound MJCF")
-every_gripper = pytest.mark.parametrize("name", known_grippers())
+# parallel, four-bar, three fingers, five fingers, and a tool
+OF_EACH_KIND = ("panda", "robotiq_85", "robotiq_s", "inspire_right", "wiping")
+
+
+def each_of(*names):
+    """Parametrise over these grippers; only one of each kind is tried by default."""
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=[] if name in OF_EACH_KIND else pytest.mark.slow) for name in names]
+    )
 
 
 def gripper_table():
@@ -37,44 +48,28 @@ def gripper_table():
     return sys.modules["gripper_table"]
 
 
-def rotation(quat):
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.asarray(quat))
-    return matrix.reshape(3, 3)
-
-
-def test_every_gripper_that_robosuite_ships_is_known():
+def test_every_gripper_that_robosuite_ships_is_known_by_its_name_and_that_of_its_file(monkeypatch):
     assert len(known_grippers()) == 13
     assert [len(mounts_for(name)) for name in ("panda", "robotiq_s", "inspire_left", "wiping")] == [2, 3, 5, 1]
-
-
-def test_unknown_name_offers_the_near_one():
     with pytest.raises(UnknownNameError, match="did you mean 'panda'"):
         mounts_for("pnada")
-
-
-def test_known_by_the_name_of_the_file():
     assert mounts_for_file("anywhere/panda_gripper.xml") == mounts_for("panda")
     assert mounts_for_file(Path("robotiq_gripper_85.xml")) == mounts_for("robotiq_85")
     assert mounts_for_file("my_gripper.xml") is None
-
-
-def test_without_robosuite(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"paxisim\[robosuite\]"):
         robosuite_gripper_path("panda")
 
 
 @pytest.mark.robosuite
-@every_gripper
-def test_files_are_there_and_robosuite_is_not_imported(name):
+def test_files_are_there_and_robosuite_is_not_imported():
     imported = "robosuite" in sys.modules
-    assert robosuite_gripper_path(name).is_file()
+    assert all(robosuite_gripper_path(name).is_file() for name in known_grippers())
     assert ("robosuite" in sys.modules) == imported
 
 
 @pytest.mark.robosuite
-@every_gripper
+@each_of(*known_grippers())
 def test_nothing_in_front_of_the_pads_is_left_on(name):
     gripper = known_gripper(name)
     model = load_spec(robosuite_gripper_path(name)).compile()
@@ -87,11 +82,11 @@ def test_nothing_in_front_of_the_pads_is_left_on(name):
         link = int(links.of_body[body])
         surface = surface_of(model, links.data, links.geoms[link], body)
         size = (gripper.face_mm[0] * 1e-3, gripper.face_mm[1] * 1e-3)
-        assert set(shadowing(surface, np.array(mount.pos), rotation(mount.quat), size)) <= off
+        assert set(shadowing(surface, np.array(mount.pos), axes_of(mount.quat), size)) <= off
 
 
 @pytest.mark.robosuite
-@pytest.mark.parametrize("name", ["panda", "rethink", "robotiq_85", "robotiq_140", "xarm7"])
+@each_of("panda", "rethink", "robotiq_85", "robotiq_140", "xarm7")
 def test_opposing_pads_face_each_other_and_agree_on_their_rows(name):
     model = load_spec(robosuite_gripper_path(name)).compile()
     data = mujoco.MjData(model)
@@ -99,7 +94,7 @@ def test_opposing_pads_face_each_other_and_agree_on_their_rows(name):
     frames, centres = [], []
     for mount in mounts_for(name):
         body = data.body(mount.body)
-        frames.append(body.xmat.reshape(3, 3) @ rotation(mount.quat))
+        frames.append(body.xmat.reshape(3, 3) @ axes_of(mount.quat))
         centres.append(body.xpos + body.xmat.reshape(3, 3) @ mount.pos)
     left, right = frames
     np.testing.assert_allclose(left[:, 1], right[:, 1], atol=2e-3)
@@ -110,20 +105,23 @@ def test_opposing_pads_face_each_other_and_agree_on_their_rows(name):
 
 
 @pytest.mark.robosuite
-@pytest.mark.parametrize("name", ["panda", "rethink", "robotiq_85", "robotiq_140", "robotiq_s", "xarm7"])
+@each_of("panda", "rethink", "robotiq_85", "robotiq_140", "robotiq_s", "xarm7")
 def test_find_mounts_finds_the_known_ones(name):
-    found = find_mounts(robosuite_gripper_path(name)).mounts
+    found = find_mounts(robosuite_gripper_path(name))
     known = mounts_for(name)
-    assert {m.body for m in found} == {m.body for m in known}
+    assert {m.body for m in found.mounts} == {m.body for m in known}
     for mount in known:
-        other = next(m for m in found if m.body == mount.body)
+        other = next(m for m in found.mounts if m.body == mount.body)
         distance, angle = gripper_table().difference(mount, other)
         assert distance < 3e-3
         assert angle < np.radians(10)
         assert set(mount.replaces) == set(other.replaces)
+    if name == "robotiq_s":
+        assert "finger_scissor: held at 0, only spreads fingers" in found.report
 
 
 @pytest.mark.robosuite
+@pytest.mark.slow
 def test_find_mounts_on_a_hand():
     found = find_mounts(robosuite_gripper_path("inspire_right"))
     assert {m.body for m in found.mounts} == {m.body for m in mounts_for("inspire_right")}
@@ -133,30 +131,18 @@ def test_find_mounts_on_a_hand():
 
 
 @pytest.mark.robosuite
-def test_actuator_that_spreads_is_held():
-    report = find_mounts(robosuite_gripper_path("robotiq_s")).report
-    assert "finger_scissor: held at 0, only spreads fingers" in report
-
-
-@pytest.mark.robosuite
-def test_a_tool_that_cannot_close():
-    path = robosuite_gripper_path("wiping")
+def test_choose_mounts_takes_the_known_ones_also_of_a_tool_that_cannot_close():
+    for name in ("panda", "wiping"):
+        path = robosuite_gripper_path(name)
+        mounts, report, _ = choose_mounts(load_spec(path), path.name)
+        assert mounts == mounts_for(name) == choose_mounts(load_spec(path), str(path))[0]
+        assert f"{path.name} is known" in report
     with pytest.raises(InvalidValueError, match="no actuators"):
-        find_mounts(path)
-    assert choose_mounts(load_spec(path), str(path))[0] == mounts_for("wiping")
+        find_mounts(robosuite_gripper_path("wiping"))
 
 
 @pytest.mark.robosuite
-def test_choose_mounts_takes_the_known_ones():
-    path = robosuite_gripper_path("panda")
-    mounts, report, _ = choose_mounts(load_spec(path), path.name)
-    assert mounts == mounts_for("panda")
-    assert "panda_gripper.xml is known" in report
-    assert choose_mounts(load_spec(path), str(path))[0] == mounts
-
-
-@pytest.mark.robosuite
-@every_gripper
+@each_of(*known_grippers())
 @pytest.mark.filterwarnings("ignore:the touch sensor .* on 'wiping_gripper'")
 def test_taxels_carry_what_the_object_needs(name):
     balance = gripper_table().hold(name)

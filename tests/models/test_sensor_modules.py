@@ -5,6 +5,7 @@ import re
 import mujoco
 import numpy as np
 import pytest
+from scenes import axes_of
 
 import paxisim
 from paxisim.cli import main
@@ -106,9 +107,8 @@ def urdf(tmp_path, monkeypatch):
 
 
 def taxels_in_body(module):
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, np.array(module.mount.quat))
-    turn = turn.reshape(3, 3)
+    """Return the positions and normals of a module's taxels in the frame of its body."""
+    turn = axes_of(module.mount.quat)
     return module.layout.positions @ turn.T + module.mount.pos, module.layout.normals @ turn.T
 
 
@@ -124,10 +124,7 @@ def test_modules_go_to_the_bodies_that_stand_where_their_links_do(urdf):
     # the tip's own capsule reaches to 1 mm below the taxels, and the box of the phalanx only to 6.5 mm
     assert {module.mount.replaces for name, module in modules.items() if name.endswith("_t")} == {(0,)}
     assert modules["f0_g"].mount.replaces == modules["palm_g"].mount.replaces == ()
-
-
-def test_taxels_lie_where_the_maker_s_model_has_them(urdf):
-    modules = {module.name: module for module in paxisim.sensor_modules(HAND, urdf)}
+    # taxels lie where the maker's model has them
     for finger in ("f0", "f1"):
         grid, round_ = modules[f"{finger}_g"], modules[f"{finger}_t"]
         assert grid.layout == paxisim.TaxelLayout(2, 2, (0.005, 0.004))
@@ -158,14 +155,15 @@ def test_the_maker_s_numbers_are_kept(urdf):
         paxisim.sensor_modules(HAND, urdf)
 
 
-def test_each_pad_reads_what_presses_on_it(urdf):
+def test_pads_come_in_the_order_of_the_bodies_one_kind_at_a_time_and_read_what_presses_on_them(urdf):
     modules = [module for module in paxisim.sensor_modules(HAND, urdf) if module.layout.taxels == 6]
-    tips = [module for module in modules if module.layout.rows == 1]
     with pytest.raises(paxisim.InvalidValueError, match=r"different taxels \(2x3 and 1x6"):
         paxisim.attach(HAND, [module.layout for module in modules], [module.mount for module in modules])
+    tips = [module for module in modules if module.layout.rows == 1]
     hand = paxisim.attach(HAND, [tip.layout for tip in tips], [tip.mount for tip in tips])
     assert re.search(r"pad f0_t on left_c: taxels within 1.0\.\.\d.\d mm of the skin, in place of geom 0", hand.report)
-    assert [mount.name for mount in hand.mounts] == ["f1_t", "f0_t"]  # the order of the bodies
+    assert [mount.name for mount in hand.mounts] == ["f1_t", "f0_t"]
+    # a ball presses on one module with 0.5 N
     for joint in list(hand.spec.joints):
         hand.spec.delete(joint)
     hand.spec.option.gravity = [0, 0, 0]
@@ -186,49 +184,43 @@ def test_each_pad_reads_what_presses_on_it(urdf):
     assert force[1].sum(axis=(1, 2)) == pytest.approx([0, 0, 0.5], abs=0.01)
 
 
-def test_a_hand_on_an_arm_is_found(urdf):
-    arm = mujoco.MjSpec.from_string(
-        "<mujoco><worldbody><body name='arm'><joint axis='0 0 1'/><geom size='0.05'/><body name='fore' pos='0 0 1'>"
-        "<joint axis='1 0 0'/><geom size='0.05'/><site name='wrist'/></body></body></worldbody></mujoco>"
-    )
-    arm.attach(mujoco.MjSpec.from_string(HAND), site=arm.site("wrist"), prefix="h/")
-    on_arm = paxisim.sensor_modules(arm, urdf)
-    for alone, module in zip(paxisim.sensor_modules(HAND, urdf), on_arm, strict=True):
-        assert module.mount.body == f"h/{alone.mount.body}"
-        assert module.mount.pos == pytest.approx(alone.mount.pos, abs=1e-9)
-
-
 def test_hands_that_do_not_fit_are_refused(urdf):
     mirrored = HAND.replace('"0.03 0.04 -0.01"', '"0.03 -0.04 -0.01"').replace("0 0.03 0", "0 -0.03 0")
-    with pytest.raises(paxisim.InvalidValueError, match=r"do not fit .* leaves \d+\.\d mm"):
-        paxisim.sensor_modules(mirrored, urdf)
-    with pytest.raises(paxisim.InvalidValueError, match="branches of 2, 2, 2 joints; the hand has branches of 2, 2, 1"):
-        paxisim.sensor_modules(HAND.replace('<joint name="left2" axis="0 1 0"/>', ""), urdf)
     turned = HAND.replace('name="left2" axis="0 1 0"', 'name="left2" axis="1 0 0"')
-    with pytest.raises(paxisim.InvalidValueError, match="or turns their axes"):
-        paxisim.sensor_modules(turned, urdf)
+    for hand, message in (
+        (mirrored, r"do not fit .* leaves \d+\.\d mm"),
+        (HAND.replace('<joint name="left2" axis="0 1 0"/>', ""), "branches of 2, 2, 2 joints; .* branches of 2, 2, 1"),
+        (turned, "or turns their axes"),
+    ):
+        with pytest.raises(paxisim.InvalidValueError, match=message):
+            paxisim.sensor_modules(hand, urdf)
     urdf.write_text(re.sub("<xacro:taxel name=.*?/>", "", URDF))
     with pytest.raises(paxisim.InvalidValueError, match=r'has no taxels.*taxels="1"'):
         paxisim.sensor_modules(HAND, urdf)
 
 
-def test_two_hands_need_a_pair(urdf):
+def test_hands_on_arms_and_two_hands_that_need_a_pair(urdf):
     both = mujoco.MjSpec.from_string(
-        "<mujoco><worldbody><site name='a'/><site name='b' pos='1 0 0'/></worldbody></mujoco>"
+        "<mujoco><worldbody><body name='arm'><joint axis='0 0 1'/><geom size='0.05'/><body name='fore' pos='0 0 1'>"
+        "<joint axis='1 0 0'/><geom size='0.05'/><site name='a'/></body></body><site name='b'/></worldbody></mujoco>"
     )
-    for side in "ab":
-        both.attach(mujoco.MjSpec.from_string(HAND), site=both.site(side), prefix=f"{side}/")
-    # hands without a joint of their own share the world: let each turn
-    for side in "ab":
-        both.body(f"{side}/hand").add_joint(axis=[0, 0, 1])
-    with pytest.raises(paxisim.InvalidValueError, match=r"in 2 ways.*a/hand or b/hand; say which.*--link LINK=BODY"):
+    both.attach(mujoco.MjSpec.from_string(HAND), site=both.site("a"), prefix="a/")
+    for alone, module in zip(paxisim.sensor_modules(HAND, urdf), paxisim.sensor_modules(both, urdf), strict=True):
+        assert module.mount.body == f"a/{alone.mount.body}"
+        assert module.mount.pos == pytest.approx(alone.mount.pos, abs=1e-9)
+    both.attach(mujoco.MjSpec.from_string(HAND), site=both.site("b"), prefix="b/")
+    # a hand without a joint of its own shares the world: let it turn
+    both.body("b/hand").add_joint(axis=[0, 0, 1])
+    with pytest.raises(paxisim.InvalidValueError, match=r"in 2 ways.*fore or b/hand; say which.*--link LINK=BODY"):
         paxisim.sensor_modules(both, urdf)
     modules = paxisim.sensor_modules(both, urdf, {"f0_low": "b/left_a"})
     assert {module.mount.body.split("/")[0] for module in modules} == {"b"}
-    with pytest.raises(paxisim.UnknownNameError, match="unknown link 'f0_lo'; did you mean 'f0_low'"):
-        paxisim.sensor_modules(both, urdf, {"f0_lo": "b/left_a"})
-    with pytest.raises(paxisim.UnknownNameError, match="unknown body 'b/left'"):
-        paxisim.sensor_modules(both, urdf, {"f0_low": "b/left"})
+    for pair, message in (
+        ({"f0_lo": "b/left_a"}, "unknown link 'f0_lo'; did you mean 'f0_low'"),
+        ({"f0_low": "b/left"}, "unknown body 'b/left'"),
+    ):
+        with pytest.raises(paxisim.UnknownNameError, match=message):
+            paxisim.sensor_modules(both, urdf, pair)
 
 
 def test_attach_in_the_shell_takes_one_kind_at_a_time(urdf, capsys):

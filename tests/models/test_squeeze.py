@@ -12,6 +12,7 @@ import paxisim
 
 LAYOUT = paxisim.TaxelLayout(4, 3, 4e-3)
 HANDS = Path(__file__).parents[2].parent / "shared" / "data" / "hands"
+slow = pytest.mark.slow
 
 # two fingers on slides along x, 60 mm apart when open; their inner faces are 5 mm from their bodies' origins
 TWO_FINGERS = """
@@ -42,8 +43,7 @@ def two_fingers(left=BLOCK, right=BLOCK, *, joint="", before="", actuators="", x
 
 def quat_of(inward):
     """Return the orientation of a pad with z along `inward` and y along the link's z."""
-    quat = np.zeros(4)
-    y = np.array([0.0, 0, 1])
+    quat, y = np.zeros(4), np.array([0.0, 0, 1])
     mujoco.mju_mat2Quat(quat, np.stack([np.cross(y, inward), y, inward], axis=1).reshape(-1))
     return tuple(quat)
 
@@ -56,12 +56,12 @@ def mount(body, side, *, x=0.005, z=0.0, replaces=(0,)):
 PAIR = (mount("left", 1), mount("right", -1))
 
 
-def squeezed(xml, mounts, **options):
-    return paxisim.squeeze(paxisim.attach(xml, LAYOUT, mounts), **options)
+def squeezed(gripper, mounts=None, openings=(0.5,)):
+    return paxisim.squeeze(paxisim.attach(gripper, LAYOUT, mounts), openings=openings)
 
 
 def test_the_pads_of_right_mounts_carry_everything_at_every_opening():
-    result = squeezed(two_fingers(), PAIR)
+    result = paxisim.squeeze(paxisim.attach(two_fingers(), LAYOUT, PAIR))
     assert result.passed
     assert len(result.squeezes) == 6
     for one in result.squeezes:
@@ -75,35 +75,33 @@ def test_the_pads_of_right_mounts_carry_everything_at_every_opening():
     assert thickness == pytest.approx([0.2 * 60, 0.5 * 60, 0.8 * 60], abs=1)
 
 
-CORNERS = BLOCK + "".join(
-    f'<geom {name} type="box" size="0.005 0.002 0.002" pos="{{x}} {y} {z}" mass="0"/>'
-    for name, y, z in (
-        ('name="{side}_corner"', 0.008, 0.01),
-        ("", -0.008, 0.01),
-        ("", 0.008, -0.01),
-        ("", -0.008, -0.01),
-    )
-)
+# wrong mounts
 
 
 def test_a_pad_between_corners_that_stick_out_does_not_pass_and_the_corners_are_named():
-    left, right = CORNERS.format(x=0.001, side="left"), CORNERS.format(x=-0.001, side="right")
-    result = squeezed(two_fingers(left, right), PAIR, openings=(0.5,))
+    corners = [("{side}_corner", 0.008, 0.01), ("", -0.008, 0.01), ("", 0.008, -0.01), ("", -0.008, -0.01)]
+    text = BLOCK + "".join(
+        f'<geom name="{name}" type="box" size="0.005 0.002 0.002" pos="{{x}} {y} {z}" mass="0"/>'
+        for name, y, z in corners
+    )
+    result = squeezed(two_fingers(text.format(x=0.001, side="left"), text.format(x=-0.001, side="right")), PAIR)
     assert not result.passed
     assert max(result.shares.values()) < 0.9
     named = {name for one in result.squeezes for name in one.others}
     assert {"left_corner", "left/2", "right_corner", "right/4"} <= named
-    text = str(result)
-    assert "left_corner (" in text
-    assert "less than 95 %" in text
-    assert max(map(len, text.splitlines())) <= 100
+    assert "left_corner (" in str(result)
+    assert "less than 95 %" in str(result)
+    assert max(map(len, str(result).splitlines())) <= 100
 
 
 @pytest.mark.filterwarnings("ignore:pads behind other geoms")
-def test_a_geom_that_the_mount_forgot_to_replace_does_not_pass():
-    result = squeezed(two_fingers(), (mount("left", 1, replaces=()), mount("right", -1)), openings=(0.5,))
+def test_a_geom_that_the_mount_forgot_to_replace_and_a_pad_that_faces_away():
+    result = squeezed(two_fingers(), (mount("left", 1, replaces=()), mount("right", -1)))
     assert all("left/0" in one.others for one in result.squeezes)
     assert result.shares["left_pad"] < 0.6
+    result = squeezed(two_fingers(), (mount("left", -1), mount("right", 1)))
+    assert not result.passed
+    assert set(result.shares.values()) == {0.0}
 
 
 def test_a_pad_off_centre_still_reads_and_only_a_large_object_finds_the_bare_part():
@@ -113,18 +111,14 @@ def test_a_pad_off_centre_still_reads_and_only_a_large_object_finds_the_bare_par
         '<geom name="{}_lower" type="box" size="0.005 0.01 0.01" pos="0 0 -0.01" mass="0.05"/>'
     )
     mounts = (mount("left", 1, z=0.008), mount("right", -1, z=0.008))
-    result = squeezed(two_fingers(halves.format("left"), halves.format("right")), mounts, openings=(0.5,))
+    result = squeezed(two_fingers(halves.format("left"), halves.format("right")), mounts)
     small, large = result.squeezes[::2], result.squeezes[1::2]
     assert all(one.share == pytest.approx(1) for one in small)
     assert all(one.share < 0.9 and {"left_lower", "right_lower"} <= set(one.others) for one in large)
     assert not result.passed
 
 
-def test_a_pad_that_faces_away_is_not_touched():
-    result = squeezed(two_fingers(), (mount("left", -1), mount("right", 1)), openings=(0.5,))
-    assert not result.passed
-    assert set(result.shares.values()) == {0.0}
-
+# other grippers
 
 JAW = """
 <mujoco>
@@ -144,72 +138,47 @@ def test_a_jaw_squeezes_a_cylinder_against_a_fixed_one():
     mounts = (mount("fixed", 1, x=0.0, z=0.06), mount("jaw", -1, x=0.0, z=0.06))
     result = squeezed(JAW, mounts, openings=(0.2, 0.8))
     assert result.passed, str(result)
-    wide = result.squeezes[-1]
-    assert wide.object.startswith("cylinder")
-    assert wide.read.min() > 2
-
-
-def three_fingers():
-    finger = """<body name="finger{i}" pos="{x} {y} 0" euler="0 0 {angle}">
-      <joint name="f{i}" type="slide" axis="-1 0 0" range="0 0.03" damping="5"/>
-      <geom type="box" size="0.005 0.01 0.02" mass="0.05"/></body>"""
-    angles = (0, 120, 240)
-    bodies = "".join(
-        finger.format(i=i, angle=a, x=0.045 * np.cos(np.radians(a)), y=0.045 * np.sin(np.radians(a)))
-        for i, a in enumerate(angles)
-    )
-    servos = "".join(f'<position name="f{i}" joint="f{i}" kp="1000" ctrlrange="0 0.03"/>' for i in range(3))
-    return f"<mujoco><worldbody>{bodies}</worldbody><actuator>{servos}</actuator></mujoco>"
+    assert result.squeezes[-1].object.startswith("cylinder")
+    assert result.squeezes[-1].read.min() > 2
 
 
 def test_three_fingers_hold_a_cylinder():
-    result = squeezed(three_fingers(), [mount(f"finger{i}", -1) for i in range(3)], openings=(0.5,))
+    bodies = servos = ""
+    for i, angle in enumerate((0, 120, 240)):
+        x, y = 0.045 * np.cos(np.radians(angle)), 0.045 * np.sin(np.radians(angle))
+        bodies += f"""<body name="finger{i}" pos="{x} {y} 0" euler="0 0 {angle}">
+          <joint name="f{i}" type="slide" axis="-1 0 0" range="0 0.03" damping="5"/>{BLOCK}</body>"""
+        servos += f'<position name="f{i}" joint="f{i}" kp="1000" ctrlrange="0 0.03"/>'
+    text = f"<mujoco><worldbody>{bodies}</worldbody><actuator>{servos}</actuator></mujoco>"
+    result = squeezed(text, [mount(f"finger{i}", -1) for i in range(3)])
     assert result.passed, str(result)
     assert all(one.object.startswith("cylinder") and len(one.pads) == 3 for one in result.squeezes)
     assert all(one.read == pytest.approx(5, rel=0.3) for one in result.squeezes)
 
 
-HAND = """
-<mujoco>
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="palm"><geom type="box" size="0.03 0.005 0.03" pos="0 0.005 -0.03"/>
-      {fingers}
-      <body name="thumb" pos="0 -0.06 -0.02">
-        <joint name="thumb" axis="-1 0 0" range="0 1" damping="0.02" armature="0.0002"/>
-        <geom type="box" size="0.007 0.005 0.02" pos="0 0 0.02" mass="0.02"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator>{servos}<position name="thumb" joint="thumb" kp="3" ctrlrange="0 1"/></actuator>
-</mujoco>"""
-FINGER = """<body name="{name}" pos="{x} 0 0">
-  <joint name="{name}_1" axis="1 0 0" range="0 1.2" damping="0.02" armature="0.0002"/>
-  <geom type="box" size="0.007 0.005 0.018" pos="0 0 0.018" mass="0.02"/>
-  <body name="{name}_tip" pos="0 0 0.04">
-    <joint name="{name}_2" axis="1 0 0" range="0 1" damping="0.02" armature="0.0002"/>
-    <geom type="box" size="0.007 0.005 0.01" pos="0 0 0.01" mass="0.01"/>{more}
-  </body></body>"""
+def joint(name, axis="1 0 0", end=1.0):
+    return f'<joint name="{name}" axis="{axis}" range="0 {end}" damping="0.02" armature="0.0002"/>'
 
 
-def hand(more=""):
-    fingers = "".join(FINGER.format(name=name, x=x, more=more) for name, x in (("index", -0.012), ("middle", 0.012)))
-    joints = [f"{name}_{i}" for name in ("index", "middle") for i in (1, 2)]
-    servos = "".join(f'<position name="{j}" joint="{j}" kp="3" ctrlrange="0 1"/>' for j in joints)
-    return HAND.format(fingers=fingers, servos=servos)
-
-
-def pressed(xml):
-    """Press a thumb and two fingers of two joints each, with pads on their last links."""
-    gripper = paxisim.attach(
-        xml,
-        paxisim.TaxelLayout(3, 2, 5e-3),
-        [
-            paxisim.Mount("index_tip", (0, -0.005, 0.01), quat_of((0, 1, 0)), (0,)),
-            paxisim.Mount("middle_tip", (0, -0.005, 0.01), quat_of((0, 1, 0)), (0,)),
-            paxisim.Mount("thumb", (0, 0.005, 0.03), quat_of((0, -1, 0)), (0,)),
-        ],
+def pressed(ridge=""):
+    """Press a plate with a thumb and with two fingers of two joints each, whose last links carry pads."""
+    fingers = "".join(
+        f"""<body name="{name}" pos="{x} 0 0">{joint(f"{name}_1", end=1.2)}
+          <geom type="box" size="0.007 0.005 0.018" pos="0 0 0.018" mass="0.02"/>
+          <body name="{name}_tip" pos="0 0 0.04">{joint(f"{name}_2")}
+            <geom type="box" size="0.007 0.005 0.01" pos="0 0 0.01" mass="0.01"/>{ridge}</body></body>"""
+        for name, x in (("index", -0.012), ("middle", 0.012))
     )
+    thumb = f"""<body name="thumb" pos="0 -0.06 -0.02">{joint("thumb", "-1 0 0")}
+      <geom type="box" size="0.007 0.005 0.02" pos="0 0 0.02" mass="0.02"/></body>"""
+    joints = ("index_1", "index_2", "middle_1", "middle_2", "thumb")
+    servos = "".join(f'<position name="{j}" joint="{j}" kp="3" ctrlrange="0 1"/>' for j in joints)
+    text = f"""<mujoco><compiler angle="radian"/><worldbody><body name="palm">
+      <geom type="box" size="0.03 0.005 0.03" pos="0 0.005 -0.03"/>{fingers}{thumb}</body></worldbody>
+      <actuator>{servos}</actuator></mujoco>"""
+    mounts = [paxisim.Mount(f"{n}_tip", (0, -0.005, 0.01), quat_of((0, 1, 0)), (0,)) for n in ("index", "middle")]
+    mounts.append(paxisim.Mount("thumb", (0, 0.005, 0.03), quat_of((0, -1, 0)), (0,)))
+    gripper = paxisim.attach(text, paxisim.TaxelLayout(3, 2, 5e-3), mounts)
     model = gripper.compile()
     low, high = model.actuator_ctrlrange.T.copy()
     qpos = np.linspace(model.qpos0, model.jnt_range[:, 1], 20)
@@ -217,89 +186,64 @@ def pressed(xml):
     return paxisim.squeeze(gripper, [grip], openings=(0.5, 0.8))
 
 
-def test_each_finger_of_a_hand_presses_a_plate_by_itself():
-    result = pressed(hand())
+def test_each_finger_of_a_hand_presses_a_plate_by_itself_and_a_ridge_beside_the_pulp_is_named():
+    result = pressed()
     assert result.passed, str(result)
     assert [one.pads for one in result.squeezes[::4]] == [("index_tip_pad",), ("middle_tip_pad",), ("thumb_pad",)]
-    for one in result.squeezes:
-        assert one.object.startswith("plate")
-        assert one.read[0] == pytest.approx(5, rel=0.3)
-
-
-def test_a_ridge_beside_the_pulp_is_named():
-    result = pressed(hand('<geom type="box" size="0.008 0.007 0.002" pos="0 0 0.02" mass="0"/>'))
+    assert all(one.object.startswith("plate") for one in result.squeezes)
+    assert all(one.read[0] == pytest.approx(5, rel=0.3) for one in result.squeezes)
+    result = pressed('<geom type="box" size="0.008 0.007 0.002" pos="0 0 0.02" mass="0"/>')
     assert result.shares["index_tip_pad"] < 0.9
     assert result.shares["thumb_pad"] == pytest.approx(1)
     assert any("index_tip/1" in one.others for one in result.squeezes)
 
 
-ARM_JOINTS = (
-    '<joint name="lift" type="slide" axis="0 0 1"/><joint name="turn" type="hinge" axis="0 1 0" damping="0.1"/>'
-    '<geom type="sphere" size="0.01" pos="0 0 -0.2" mass="1"/>'
-)
-ARM_SERVOS = '<motor name="lift" joint="lift"/><position name="turn" joint="turn" kp="50"/>'
-
-
 def test_the_joints_of_an_arm_hold_still():
-    xml = two_fingers(
-        joint=ARM_JOINTS, actuators=ARM_SERVOS, x=0.2, before='<geom name="floor" type="plane" size="1 1 1"/>'
-    )
-    gripper = paxisim.attach(xml, LAYOUT, PAIR)
-    model = gripper.compile()
-    rest = np.array([0.1, 0.4, 0, 0])
-    closed = np.array([0.1, 0.4, 0.03, -0.03])
+    joints = """<joint name="lift" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0" damping="0.1"/>
+      <geom type="sphere" size="0.01" pos="0 0 -0.2" mass="1"/>"""
+    servos = '<motor name="lift" joint="lift"/><position name="turn" joint="turn" kp="50"/>'
+    floor = '<geom name="floor" type="plane" size="1 1 1"/>'
+    gripper = paxisim.attach(two_fingers(joint=joints, actuators=servos, x=0.2, before=floor), LAYOUT, PAIR)
     # the arm's servo would turn it back to 0 and nothing lifts it
-    grip = paxisim.Grip(
-        (0, 1), (2, 3), np.zeros(4), np.array([0, 0, 0.03, -0.03]), np.linspace(rest, closed, 9), ((1,), (0,))
-    )
-    assert model.nq == 4
+    qpos = np.linspace([0.1, 0.4, 0, 0], [0.1, 0.4, 0.03, -0.03], 9)
+    grip = paxisim.Grip((0, 1), (2, 3), np.zeros(4), np.array([0, 0, 0.03, -0.03]), qpos, ((1,), (0,)))
     result = paxisim.squeeze(gripper, [grip], openings=(0.5,))
     assert result.passed, str(result)
     assert all(one.read == pytest.approx([5, 5], rel=0.3) for one in result.squeezes)
 
 
 @pytest.mark.filterwarnings("ignore:pads behind other geoms")
-def test_pads_that_nothing_closes_are_reported():
-    mounts = (*PAIR, paxisim.Mount("palm", (0, 0, -0.04), (0, 1, 0, 0)))
-    gripper = paxisim.attach(two_fingers(), LAYOUT, mounts)
-    names = gripper.pad_names
-    palm = names.index("palm_pad")
-    left, right = names.index("left_pad"), names.index("right_pad")
+def test_pads_that_nothing_closes_are_reported_and_what_cannot_be_squeezed_is_refused():
+    gripper = paxisim.attach(two_fingers(), LAYOUT, (*PAIR, paxisim.Mount("palm", (0, 0, -0.04), (0, 1, 0, 0))))
+    palm, left, right = (gripper.pad_names.index(f"{name}_pad") for name in ("palm", "left", "right"))
     (closing,) = gripper.grips
-    both = (left, right)
-    for pads, partners in ((both, ((right,), (left,))), ((*both, palm), ((right,), (left,), ()))):
-        grip = paxisim.Grip(pads, (0, 1), closing.open_ctrl, closing.close_ctrl, closing.qpos, partners)
-        result = paxisim.squeeze(gripper, [grip], openings=(0.5,))
+    ctrl = (closing.open_ctrl, closing.close_ctrl, closing.qpos)
+    for pads, partners in (((left, right), ((right,), (left,))), ((left, right, palm), ((right,), (left,), ()))):
+        result = paxisim.squeeze(gripper, [paxisim.Grip(pads, (0, 1), *ctrl, partners)], openings=(0.5,))
         assert list(result.untested) == ["palm_pad"]
         assert not result.passed
         assert "palm_pad: not tested" in str(result)
-
-
-def test_what_cannot_be_squeezed_is_refused():
-    gripper = paxisim.attach(two_fingers(), LAYOUT, PAIR)
-    with pytest.raises(paxisim.InvalidValueError, match="nothing to squeeze with"):
-        paxisim.squeeze(gripper, [])
-    with pytest.raises(paxisim.InvalidValueError, match="shares between 0 and 1"):
-        paxisim.squeeze(gripper, openings=(20,))
-    with pytest.raises(paxisim.InvalidValueError, match="force must be positive"):
-        paxisim.squeeze(gripper, force=0)
+    for arguments, message in (
+        ({"grips": []}, "nothing to squeeze with"),
+        ({"openings": (20,)}, "shares between 0 and 1"),
+        ({"force": 0}, "force must be positive"),
+    ):
+        with pytest.raises(paxisim.InvalidValueError, match=message):
+            paxisim.squeeze(gripper, **arguments)
 
 
 @pytest.mark.skipif(not HANDS.is_dir(), reason="the public hands are not here")
-@pytest.mark.parametrize("file", ["robotiq_2f85/2f85.xml", "ufactory_xarm7/hand.xml"])
+@pytest.mark.parametrize("file", ["robotiq_2f85/2f85.xml", pytest.param("ufactory_xarm7/hand.xml", marks=slow)])
 def test_public_grippers_with_right_mounts_pass(file):
-    gripper = paxisim.attach(HANDS / file, LAYOUT)
-    result = paxisim.squeeze(gripper, openings=(0.5,))
+    result = squeezed(HANDS / file)
     assert result.passed, str(result)
 
 
+@slow
 @pytest.mark.skipif(not HANDS.is_dir(), reason="the public hands are not here")
 @pytest.mark.filterwarnings("ignore:pads behind other geoms")
 @pytest.mark.parametrize(("replaces", "passes"), [((3, 4, 5, 6, 7), True), ((3, 4), False)])
 def test_the_panda_passes_only_if_all_boxes_of_its_fingertips_are_replaced(replaces, passes):
-    mounts = [
-        paxisim.Mount(f"{side}_finger", (0, 0, 0.0445), quat_of((0, 1, 0)), replaces) for side in ("left", "right")
-    ]
-    gripper = paxisim.attach(HANDS / "franka_emika_panda" / "hand.xml", LAYOUT, mounts)
-    result = paxisim.squeeze(gripper, openings=(0.5,))
+    mounts = [paxisim.Mount(f"{n}_finger", (0, 0, 0.0445), quat_of((0, 1, 0)), replaces) for n in ("left", "right")]
+    result = squeezed(HANDS / "franka_emika_panda" / "hand.xml", mounts)
     assert result.passed == passes, str(result)

@@ -2,32 +2,30 @@
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import PAPER, POOLED, compiled, set_options
+from scenes import PAPER, POOLED, plate_under_pad, settle
 
 from paxisim.bump import GaussianBump
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.models.pad import Pad
-from paxisim.models.pads import find_pads
 from paxisim.models.readout import TactileReadout
 from paxisim.models.surface import conform, flat, heights_from_map
 
-repeatable = settings(derandomize=True, deadline=None, max_examples=40)
+repeatable = settings(derandomize=True, deadline=None, max_examples=25)
 
 
 def test_flat():
     np.testing.assert_array_equal(flat(POOLED), np.full((6, 5), 1e-3))
     np.testing.assert_array_equal(flat(TaxelLayout(1, 3, 1e-3), 2e-3), np.full((1, 3), 2e-3))
     for thickness in (-1, 0, float("nan")):
-        with pytest.raises(InvalidValueError, match="heights must be positive and finite"):
+        with pytest.raises(InvalidValueError, match="positive and finite"):
             flat(POOLED, thickness)
-    with pytest.raises(InvalidValueError, match=r"heights must be in m and at most 0.1, got 1: were millimetres meant"):
+    with pytest.raises(InvalidValueError, match=r"at most 0.1, got 1: were millimetres meant"):
         flat(POOLED, 1.0)
 
 
@@ -71,46 +69,10 @@ def test_the_bump_is_the_papers_formula(rows, cols, center, deviation, h_min, bu
     np.testing.assert_allclose(recess, 2 * h_min + bump - expected, atol=1e-12)
 
 
-def test_x_runs_along_the_columns_and_y_along_the_rows():
-    heights = GaussianBump((4.5, 0.5), boundary=0).heights(POOLED)
-    assert np.unravel_index(heights.argmin(), heights.shape) == (0, 4)
-    assert np.unravel_index(heights.argmax(), heights.shape) == (5, 0)
-    wide = GaussianBump((2.5, 3.5), (3.0, 1.0), boundary=0).heights(POOLED)
-    assert wide[3, 3] < wide[4, 2], "a wide deviation along x slows the growth along a row"
-
-
-def test_depth_runs_from_h_min_at_the_centre_to_h_max_at_the_furthest_taxel():
-    heights = GaussianBump((2.5, 2.5), h_min=0.5e-3, h_max=1.5e-3, boundary=0).heights(POOLED)
-    assert heights[2, 2] == heights.min() == pytest.approx(0.5e-3)
-    assert heights.max() == pytest.approx(1.5e-3)
-    assert heights[5, 0] == heights[5, 4] == heights.max()
-
-
-def test_edge_taxels_lose_the_boundary():
-    bump = {"center": (2.2, 3.1), "deviation": (1.0, 2.0)}
-    lost = GaussianBump(**bump, boundary=0).heights(POOLED) - GaussianBump(**bump, boundary=0.2e-3).heights(POOLED)
-    np.testing.assert_allclose(lost[1:-1, 1:-1], 0, atol=1e-15)
-    for edge in (lost[0], lost[-1], lost[:, 0], lost[:, -1]):
-        np.testing.assert_allclose(edge, 0.2e-3)
-
-
-def test_read_as_a_recess_the_centre_stands_out_and_the_edge_gains():
-    thickness = GaussianBump((2.5, 2.5), boundary=0)
-    recess = GaussianBump((2.5, 2.5), boundary=0, depth_is="recess")
-    np.testing.assert_allclose(thickness.heights(POOLED) + recess.heights(POOLED), 2e-3)
-    assert recess.heights(POOLED)[2, 2] == pytest.approx(thickness.h_max)
-    assert recess.heights(POOLED).min() == pytest.approx(thickness.h_min)
-
-
 def test_the_default_bump_is_around_the_papers_1_mm():
     heights = GaussianBump((2.5, 3.0)).heights(POOLED)
     assert 0.8e-3 <= heights.min() < 1e-3 < heights.max() <= 1.1e-3 + 1e-12
-
-
-def test_a_single_taxel_and_a_flat_bump():
     np.testing.assert_allclose(GaussianBump((0.5, 0.5), boundary=0).heights(TaxelLayout(1, 1, 1e-3)), 0.9e-3)
-    same = GaussianBump((2, 2), h_min=1e-3, h_max=1e-3, boundary=0).heights(POOLED)
-    np.testing.assert_allclose(same, 1e-3)
 
 
 def test_taxels_off_a_grid_count_by_their_positions_and_have_no_boundary():
@@ -120,36 +82,28 @@ def test_taxels_off_a_grid_count_by_their_positions_and_have_no_boundary():
     # one and two pitches to the right, two pitches down
     expected = 1e-3 + 1e-3 * np.array([[0, 1 / math.hypot(2, 2), 1]])
     np.testing.assert_allclose(heights, expected)
-    Pad(layout, heights=heights)
 
 
-def test_drawn_bumps_lie_in_table_1_and_fill_it():
+def test_drawn_bumps_lie_in_table_1_fill_it_and_keep_what_is_fixed():
     rng = np.random.default_rng(0)
     bumps = [GaussianBump.sample(POOLED, rng) for _ in range(500)]
     centers = np.array([b.center for b in bumps])
     deviations = np.array([b.deviation for b in bumps])
-    assert np.all(centers >= 0)
-    assert np.all(centers <= [5, 6])
+    assert np.all((centers >= 0) & (centers <= [5, 6]))
     assert np.all(centers.max(axis=0) > [4.8, 5.8])
     assert np.all(centers.min(axis=0) < 0.2)
     assert np.all((deviations >= 1) & (deviations <= 3))
     np.testing.assert_allclose(deviations.mean(axis=0), 2, atol=0.1)
     assert abs(np.corrcoef(deviations.T)[0, 1]) < 0.15, "drawn independently"
-
-
-def test_drawn_bumps_are_reproducible_and_keep_what_is_fixed():
     first, again, other = (GaussianBump.sample(PAPER, np.random.default_rng(seed)) for seed in (7, 7, 8))
     assert first == again != other
-    fixed = GaussianBump.sample(POOLED, np.random.default_rng(7), h_max=1.3e-3, depth_is="recess", center=(1.0, 2.0))
-    assert (fixed.h_max, fixed.depth_is, fixed.center) == (1.3e-3, "recess", (1.0, 2.0))
-    assert GaussianBump.sample(POOLED, np.random.default_rng(7), h_max=1.3e-3).center == pytest.approx(
-        GaussianBump.sample(POOLED, np.random.default_rng(7)).center
-    )
+    fixed = GaussianBump.sample(PAPER, np.random.default_rng(7), h_max=1.3e-3, depth_is="recess")
+    assert (fixed.h_max, fixed.depth_is, fixed.center) == (1.3e-3, "recess", first.center)
+    assert GaussianBump.sample(PAPER, np.random.default_rng(7), center=(1.0, 2.0)).center == (1.0, 2.0)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
+def test_bad_bumps():
+    cases = [
         ({"center": (np.nan, 1)}, "must be finite"),
         ({"center": (1, np.inf)}, "must be finite"),
         ({"h_max": np.nan}, "must be finite"),
@@ -160,38 +114,15 @@ def test_drawn_bumps_are_reproducible_and_keep_what_is_fixed():
         ({"h_min": 1.2e-3}, "0 < h_min <= h_max"),
         ({"boundary": -1e-6}, r"boundary must lie in \[0, h_min\)"),
         ({"boundary": 0.9e-3}, r"boundary must lie in \[0, h_min\), got 0.0009"),
-        ({"depth_is": "height"}, "depth_is must be 'thickness' or 'recess', got 'height'"),
-    ],
-)
-def test_bad_bumps(change, message):
-    with pytest.raises(InvalidValueError, match=message):
-        GaussianBump(**({"center": (1, 1)} | change))
-
-
-def test_a_bump_builds():
-    heights = GaussianBump((1.0, 2.0)).heights(POOLED)
-    model, _ = compiled(Pad(POOLED, heights=heights))
-    assert 2 * model.geom("pad_taxel_4_3").size[2] == pytest.approx(heights[4, 3])
+        ({"depth_is": "height"}, "'thickness' or 'recess', got 'height'"),
+    ]
+    for change, message in cases:
+        with pytest.raises(InvalidValueError, match=message):
+            GaussianBump(**({"center": (1, 1)} | change))
+    assert GaussianBump((2, 2), h_min=1e-3, h_max=1e-3, boundary=0).heights(POOLED) == pytest.approx(1e-3)
 
 
 # a measured surface
-
-
-@pytest.mark.parametrize("shape", [(6, 5), (12, 10), (600, 500), (7, 9), (13, 6)])
-def test_a_constant_map_is_flat(shape):
-    np.testing.assert_allclose(heights_from_map(POOLED, np.full(shape, 3.7)), 1e-3, atol=1e-12)
-    np.testing.assert_allclose(heights_from_map(POOLED, np.zeros(shape), thickness=2e-3), 2e-3, atol=1e-12)
-
-
-def test_a_map_of_the_grids_own_size_is_taken_as_it_is():
-    heights = np.random.default_rng(0).uniform(0, 0.4e-3, (6, 5))
-    np.testing.assert_allclose(heights_from_map(POOLED, heights), heights - heights.mean() + 1e-3, atol=1e-15)
-
-
-def test_a_finer_map_is_averaged_over_each_taxel():
-    heights = np.random.default_rng(0).uniform(0, 0.4e-3, (12, 15))
-    blocks = heights.reshape(6, 2, 5, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(heights_from_map(POOLED, heights), blocks - blocks.mean() + 1e-3, atol=1e-15)
 
 
 @repeatable
@@ -204,33 +135,22 @@ def test_areas_are_averaged_exactly_also_where_samples_straddle_taxels(rows, col
     mean = parts.reshape(rows, rows + more_rows, cols, cols + more_cols).mean(axis=(1, 3))
     result = heights_from_map(layout, height_map, thickness=1.5e-3)
     np.testing.assert_allclose(result, mean - mean.mean() + 1.5e-3, atol=1e-12)
-    assert result.mean() == pytest.approx(1.5e-3)
 
 
-def test_a_measured_peak_stands_out_where_it_was_measured():
-    height_map = np.zeros((60, 50))
-    height_map[5, 45] = 0.05  # first row, last column
-    heights = heights_from_map(POOLED, height_map)
-    assert np.unravel_index(heights.argmax(), heights.shape) == (0, 4)
-
-
-def test_bad_maps():
-    with pytest.raises(InvalidValueError, match=r"a height map of at least 6x5, got shape \(5, 5\)"):
-        heights_from_map(POOLED, np.zeros((5, 5)))
-    with pytest.raises(InvalidValueError, match=r"got shape \(6, 4\)"):
-        heights_from_map(POOLED, np.zeros((6, 4)))
-    with pytest.raises(InvalidValueError, match=r"got shape \(30,\)"):
-        heights_from_map(POOLED, np.zeros(30))
-    with pytest.raises(InvalidValueError, match=r"got shape \(6, 5, 1\)"):
-        heights_from_map(POOLED, np.zeros((6, 5, 1)))
-    holes = np.zeros((6, 5))
-    holes[2, 2] = np.nan
-    with pytest.raises(InvalidValueError, match="must be finite: fill the holes"):
-        heights_from_map(POOLED, holes)
-    steps = np.zeros((6, 5))
-    steps[0, 0] = -1.5e-3
-    with pytest.raises(InvalidValueError, match=r"spans 1\.5 mm, more than cubes of 1 mm can show"):
-        heights_from_map(POOLED, steps)
+def test_a_constant_map_is_flat_and_bad_maps_are_refused():
+    for shape in [(6, 5), (600, 500), (13, 6)]:
+        np.testing.assert_allclose(heights_from_map(POOLED, np.full(shape, 3.7)), 1e-3, atol=1e-12)
+    holes, steps = np.zeros((6, 5)), np.zeros((6, 5))
+    holes[2, 2], steps[0, 0] = np.nan, -1.5e-3
+    cases = [
+        (np.zeros((5, 5)), r"a height map of at least 6x5, got shape \(5, 5\)"),
+        *((np.zeros(shape), "got shape") for shape in ((6, 4), (30,), (6, 5, 1))),
+        (holes, "must be finite: fill the holes"),
+        (steps, r"spans 1\.5 mm, more than cubes of 1 mm can show"),
+    ]
+    for height_map, message in cases:
+        with pytest.raises(InvalidValueError, match=message):
+            heights_from_map(POOLED, height_map)
 
 
 # a curved finger: meshes in the pad frame, with their front towards -z
@@ -250,9 +170,9 @@ def rod(radius=15e-3, length=60e-3):
     return cylinder
 
 
-def block(depth=0.0):
+def block(depth=0.0, x=0.0):
     box = trimesh.creation.box([50e-3, 50e-3, 10e-3])
-    box.apply_translation([0, 0, 5e-3 + depth])
+    box.apply_translation([x, 0, 5e-3 + depth])
     return box
 
 
@@ -265,8 +185,10 @@ def test_on_a_plane_the_layout_only_moves():
 
 
 @pytest.mark.parametrize(("mesh", "curved"), [(dome(), [1, 1, 1]), (rod(), [1, 0, 1])], ids=["sphere", "cylinder"])
-def test_on_a_curve_positions_lie_on_the_surface_and_normals_point_out(mesh, curved):
-    layout = conform(POOLED, mesh)
+def test_on_a_curve_positions_lie_on_the_surface_and_normals_point_out(mesh, curved, tmp_path):
+    order = tuple(reversed(range(30)))
+    layout = conform(TaxelLayout(6, 5, POOLED.pitch, vendor_order=order), mesh)
+    assert layout.vendor_order == order
     np.testing.assert_array_equal(layout.positions[:, :2], POOLED.positions[:, :2])
     out = (layout.positions - [0, 0, 15e-3]) * curved
     distance = np.linalg.norm(out, axis=1)
@@ -275,62 +197,9 @@ def test_on_a_curve_positions_lie_on_the_surface_and_normals_point_out(mesh, cur
     angles = np.degrees(np.arccos(np.clip(np.sum(layout.normals * out, axis=1) / distance, -1, 1)))
     assert angles.max() < 1.5
     np.testing.assert_allclose(np.linalg.norm(layout.normals, axis=1), 1)
-
-
-def test_the_order_of_the_vendor_stays():
-    order = tuple(reversed(range(30)))
-    layout = conform(TaxelLayout(6, 5, POOLED.pitch, vendor_order=order), dome())
-    assert layout.vendor_order == order
-
-
-def test_the_first_surface_that_faces_the_object_counts():
-    sheet = block(depth=8e-3)
-    inside_out = trimesh.Trimesh(block(depth=-20e-3).vertices, block().faces[:, ::-1], process=False)
-    both = trimesh.util.concatenate([sheet, block(depth=3e-3)])
-    np.testing.assert_allclose(conform(POOLED, both).positions[:, 2], 3e-3, atol=1e-9)
-    # faces that point away cannot be pressed: of the inverted block, only the far side counts, seen from within
-    assert conform(POOLED, inside_out).positions[:, 2] == pytest.approx(-10e-3)
-
-
-def test_an_edge_is_not_rounded():
-    """A roof with a ridge along y at x = 0: each side keeps its own normal."""
-    vertices = [[-0.03, -0.03, 0.01], [-0.03, 0.03, 0.01], [0, -0.03, 0], [0, 0.03, 0], [0.03, -0.03, 0.01]]
-    vertices.append([0.03, 0.03, 0.01])
-    roof = trimesh.Trimesh(vertices, [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]], process=False)
-    assert np.all(roof.face_normals[:, 2] < 0)
-    roof.vertices[:, 2] *= 6  # 63 deg: sharp enough
-    layout = conform(TaxelLayout(2, 4, 4e-3), roof)
-    slope = np.array([2, 0, -1]) / np.sqrt(5)
-    expected = np.sign(layout.positions[:, :1]) * [slope[0], 0, 0] + [0, 0, slope[2]]
-    np.testing.assert_allclose(layout.normals, expected, atol=1e-9)
-
-
-def test_a_mesh_file(tmp_path):
-    dome().export(tmp_path / "finger.stl")
-    layout = conform(POOLED, tmp_path / "finger.stl")
-    np.testing.assert_allclose(layout.positions, conform(POOLED, dome()).positions, atol=1e-8)
-    assert conform(POOLED, str(tmp_path / "finger.stl")) == layout
-
-
-def test_bad_meshes(tmp_path):
-    with pytest.raises(InvalidValueError, match=r"cannot read the mesh .*nowhere\.stl"):
-        conform(POOLED, tmp_path / "nowhere.stl")
-    (tmp_path / "noise.stl").write_bytes(b"no mesh at all")
-    with pytest.raises(InvalidValueError, match=r"cannot read the mesh .*noise\.stl|no triangles"):
-        conform(POOLED, tmp_path / "noise.stl")
-    with pytest.raises(InvalidValueError, match=r"12 of 30 taxels miss the mesh, the first at row 0, column 0 \(x"):
-        conform(POOLED, trimesh.creation.box([22e-3 - 4.52e-3 * 1.5, 0.1, 0.01]))
-    far = block()
-    far.apply_translation([1, 0, 0])
-    with pytest.raises(InvalidValueError, match=r"30 of 30 taxels miss the mesh.*in m"):
-        conform(POOLED, far)
-
-
-def test_a_surface_too_steep_to_be_pressed():
-    layout = TaxelLayout(1, 5, 5e-3)  # 10 mm off its axis, a sphere of radius 11 mm is 65 deg steep
-    conform(layout, dome(11e-3))
-    with pytest.raises(InvalidValueError, match=r"row 0, column [04] is 6\d deg steep, more than 45"):
-        conform(layout, dome(11e-3), max_angle=45)
+    mesh.export(tmp_path / "finger.stl")
+    for path in (tmp_path / "finger.stl", str(tmp_path / "finger.stl")):
+        np.testing.assert_allclose(conform(POOLED, path).positions, layout.positions, atol=1e-8)
 
 
 @pytest.mark.parametrize("mesh", [dome(), rod()], ids=["sphere", "cylinder"])
@@ -338,20 +207,45 @@ def test_a_surface_too_steep_to_be_pressed():
 def test_a_conformed_pad_compiles_and_reads_the_whole_force(mesh, cone):
     layout = conform(POOLED, mesh)
     pad = Pad(layout, heights=GaussianBump((1.0, 4.0)).heights(layout))
-    spec = mujoco.MjSpec.from_string(
-        "<mujoco><worldbody><body pos='0.001 -0.002 -0.0103'><joint type='slide' axis='0 0 1'/>"
-        "<geom type='box' size='0.03 0.03 0.01' mass='0.3'/></body></worldbody></mujoco>"
-    )
-    spec.worldbody.add_frame().attach_body(mujoco.MjSpec.from_string(pad.to_xml()).body("pad"), "p_", "")
-    model = spec.compile()
-    set_options(model, cone=cone)
-    pads = find_pads(model)
+    model, pads, data = plate_under_pad(pad, mass=0.3, cone=cone)
     assert pads.layout.normals == pytest.approx(layout.normals, abs=1e-6)
-    pad.gel.apply(model, pads)
-    data = mujoco.MjData(model)
-    data.qfrc_applied[0] = 8.0
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    force = TactileReadout(model, pads).read_exact(data)[0]
-    assert force[2].sum() == pytest.approx(8.0, rel=0.01)
-    assert np.count_nonzero(force[2] > 0.01) >= 3
+    settle(model, data, 8.0, 1.0)
+    force = TactileReadout(model, pads).read_exact(data)[0, 2]
+    assert force.sum() == pytest.approx(8.0, rel=0.01)
+    assert np.count_nonzero(force > 0.01) >= 3
+
+
+def test_the_first_surface_that_faces_the_object_counts():
+    inside_out = trimesh.Trimesh(block(depth=-20e-3).vertices, block().faces[:, ::-1], process=False)
+    both = trimesh.util.concatenate([block(depth=8e-3), block(depth=3e-3)])
+    np.testing.assert_allclose(conform(POOLED, both).positions[:, 2], 3e-3, atol=1e-9)
+    # faces that point away cannot be pressed: of the inverted block, only the far side counts, seen from within
+    assert conform(POOLED, inside_out).positions[:, 2] == pytest.approx(-10e-3)
+
+
+def test_an_edge_is_not_rounded():
+    """A roof with a ridge along y at x = 0: each side keeps its own normal."""
+    vertices = [(x, y, 2 * abs(x)) for x in (-0.03, 0, 0.03) for y in (-0.03, 0.03)]  # 63 deg: sharp enough
+    roof = trimesh.Trimesh(vertices, [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]], process=False)
+    layout = conform(TaxelLayout(2, 4, 4e-3), roof)
+    slope = np.array([2, 0, -1]) / np.sqrt(5)
+    expected = np.sign(layout.positions[:, :1]) * [slope[0], 0, 0] + [0, 0, slope[2]]
+    np.testing.assert_allclose(layout.normals, expected, atol=1e-9)
+
+
+def test_meshes_that_cannot_be_pressed(tmp_path):
+    (tmp_path / "noise.stl").write_bytes(b"no mesh at all")
+    narrow = trimesh.creation.box([22e-3 - 4.52e-3 * 1.5, 0.1, 0.01])
+    cases = [
+        (tmp_path / "nowhere.stl", r"cannot read the mesh .*nowhere\.stl"),
+        (tmp_path / "noise.stl", r"cannot read the mesh .*noise\.stl|no triangles"),
+        (narrow, r"12 of 30 taxels miss the mesh, the first at row 0, column 0 \(x"),
+        (block(x=1.0), r"30 of 30 taxels miss the mesh.*in m"),
+    ]
+    for mesh, message in cases:
+        with pytest.raises(InvalidValueError, match=message):
+            conform(POOLED, mesh)
+    layout = TaxelLayout(1, 5, 5e-3)  # 10 mm off its axis, a sphere of radius 11 mm is 65 deg steep
+    conform(layout, dome(11e-3))
+    with pytest.raises(InvalidValueError, match=r"row 0, column [04] is 6\d deg steep, more than 45"):
+        conform(layout, dome(11e-3), max_angle=45)

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import paxisim
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import attach
 from paxisim.models.mount import Mount
@@ -109,14 +110,20 @@ class Warped:
     """The same worlds on MuJoCo Warp's CPU device."""
 
     def __init__(self, model, pads, data, heights, forces, **sizes):
-        import paxisim.warp
-
+        """Give the worlds their surfaces, if any, and the forces of their motors (N)."""
         worlds = len(forces)
+        self.model, self.pads = model, pads
         self.m, self.d = paxisim.warp.put_worlds(model, pads, worlds, data=data, device="cpu", **sizes)
         if heights is not None:
             paxisim.warp.set_surface(self.m, self.d, model, pads, heights)
         self.d.ctrl.assign(np.asarray(forces, np.float32)[:, None])
         self.readout = paxisim.warp.WarpTactileReadout(model, pads, worlds, device="cpu")
+
+    def apply(self, gel, mask=None):
+        paxisim.warp.apply_gel(self.m, self.model, self.pads, gel, mask)
+
+    def surface(self, heights, mask=None):
+        paxisim.warp.set_surface(self.m, self.d, self.model, self.pads, heights, mask)
 
     def step(self):
         import mujoco_warp
@@ -128,6 +135,12 @@ class Warped:
         return self.readout.read(self.m, self.d).numpy()
 
 
+def warped(scene, worlds=2, *, flat=False, **sizes) -> Warped:
+    """The scene in worlds on MuJoCo Warp, each with its own bumps, unless the pads stay flat, and its own load."""
+    model, pads, data = scene
+    return Warped(model, pads, data, None if flat else bumps(worlds, pads), loads(worlds), **sizes)
+
+
 def differences(scene, worlds, steps, moved=1e-7):
     """Step the worlds on both engines, and on MuJoCo's own once more with the object `moved` (m).
 
@@ -136,12 +149,12 @@ def differences(scene, worlds, steps, moved=1e-7):
     """
     model, pads, data = scene
     heights, forces = bumps(worlds, pads), loads(worlds)
-    warped = Warped(model, pads, data, heights, forces)
+    on_warp = Warped(model, pads, data, heights, forces)
     engine, other = (Engine(model, pads, data, heights, forces, by) for by in (0.0, moved))
     found = np.empty((2, steps, worlds))
     for step in range(steps):
         expected = engine.step()
-        for kind, reading in enumerate((warped.step(), other.step())):
+        for kind, reading in enumerate((on_warp.step(), other.step())):
             found[kind, step] = np.abs(reading - expected).max(axis=(1, 2, 3, 4))
     assert np.abs(expected).max() > 0.1
     return found

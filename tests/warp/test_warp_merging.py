@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-from held import Warped, bumps, held, loads, needs_warp
+from held import held, needs_warp, warped
 
+import paxisim
 from paxisim.errors import InvalidValueError
 from paxisim.models.gel import Gel
 from paxisim.models.pads import find_pads
@@ -16,8 +17,7 @@ CONSTRAINT, SENSOR = 1, 2
 
 def both(scene, worlds=4):
     """The same worlds without and with merging, each with its own surface and load."""
-    model, pads, data = scene
-    return [Warped(model, pads, data, bumps(worlds, pads), loads(worlds), merge=merge) for merge in (False, True)]
+    return [warped(scene, worlds, merge=merge) for merge in (False, True)]
 
 
 def assert_alike(found, expected, sums, taxels):
@@ -60,13 +60,10 @@ def test_there_are_a_quarter_of_the_rows():
 
 def test_each_world_has_its_gel_also_where_it_stiffens():
     """The stiffest impedance of MuJoCo allows a quarter of the stiffening of four contacts, so solref has the rest."""
-    import paxisim.warp
-
-    model, pads, _ = scene = held("box", free=False)
     gels = [Gel(), Gel(modulus=200e3), Gel(modulus=20e3, thickness=0.25e-3), Gel(modulus=20e3, thickness=0.2e-3)]
-    plain, merged = both(scene)
+    plain, merged = both(held("box", free=False))
     for each in (plain, merged):
-        paxisim.warp.apply_gel(each.m, model, pads, gels)
+        each.apply(gels)
         each.d.ctrl.fill_(8.0)
     for _ in range(150):
         expected, found = plain.step(), merged.step()
@@ -76,13 +73,13 @@ def test_each_world_has_its_gel_also_where_it_stiffens():
     assert deepest > 0.65 * gels[3].thickness
 
 
-def contacts(warped, **changes):
+def contacts(worlds, **changes):
     """Give the contacts of the data new values, after collision detection."""
     import mujoco_warp
 
-    mujoco_warp.forward(warped.m, warped.d)
+    mujoco_warp.forward(worlds.m, worlds.d)
     for name, change in changes.items():
-        field = getattr(warped.d.contact, name)
+        field = getattr(worlds.d.contact, name)
         values = field.numpy().copy()
         change(values)
         field.assign(values)
@@ -93,36 +90,28 @@ def merge(merged, plain):
     merged.m.callback.contactfilter(merged.m, plain.d)
 
 
-def state(warped, count, names=("dist", "pos", "solref", "solimp", "type")):
-    return {name: getattr(warped.d.contact, name).numpy()[:count].copy() for name in names}
+def state(worlds, count, names=("dist", "pos", "solref", "solimp", "type")):
+    return {name: getattr(worlds.d.contact, name).numpy()[:count].copy() for name in names}
 
 
 def test_other_contacts_are_untouched():
     scene = held("box")
     plain, merged = both(scene, 2)
     other = scene[0].geom("object").id
-    first = [0, 4, 8, 12, 16]
 
-    def other_geoms(geom):
-        geom[first[0] : first[0] + 4] = other
-
-    def flexes(geom):
-        geom[first[1] : first[1] + 4] = -1
+    def other_geoms_and_flexes(geom):
+        geom[:4], geom[4:8] = other, -1
 
     def inactive(dist):
-        dist[first[2] : first[2] + 4] = 1e-3
+        dist[8:12] = 1e-3
 
     def sensors(kind):
-        kind[first[3] : first[3] + 4] = CONSTRAINT | SENSOR
+        kind[12:16] = CONSTRAINT | SENSOR
 
     def of_pairs(solref):
-        solref[first[4] : first[4] + 4] = 0.02, 1.0
+        solref[16:20] = 0.02, 1.0
 
-    def geoms(geom):
-        other_geoms(geom)
-        flexes(geom)
-
-    contacts(plain, geom=geoms, dist=inactive, type=sensors, solref=of_pairs)
+    contacts(plain, geom=other_geoms_and_flexes, dist=inactive, type=sensors, solref=of_pairs)
     count = int(plain.d.nacon.numpy()[0])
     before = state(plain, count)
     merge(merged, plain)
@@ -170,8 +159,6 @@ def test_the_order_of_contacts_does_not_matter():
 
 
 def test_worlds_start_without_contacts():
-    import paxisim.warp
-
     model, pads, data = scene = held("box")
     plain, merged = both(scene, 2)
     assert plain.read().any()
@@ -184,19 +171,11 @@ def test_worlds_start_without_contacts():
 
 
 def test_sphere_taxels_have_one_contact_anyway():
-    import paxisim.warp
-
-    model, pads, data = held("box", taxels="spheres")
-    sizes = []
-    for merge_contacts in (False, True):
-        _, d = paxisim.warp.put_worlds(model, pads, 2, data=data, device="cpu", merge=merge_contacts)
-        sizes.append((d.njmax, d.naconmax))
-    assert sizes[0] == sizes[1]
+    plain, merged = both(held("box", taxels="spheres"), 2)
+    assert (plain.d.njmax, plain.d.naconmax) == (merged.d.njmax, merged.d.naconmax)
 
 
 def test_taxels_without_a_gel_are_an_error():
-    import paxisim.warp
-
     model, pads, data = held("box", gel=False)
     paxisim.warp.put_worlds(model, pads, 1, data=data, device="cpu", merge=True)  # the file has a gel too
     model.geom_solref[pads.geoms] = 0.02, 1.0

@@ -172,22 +172,21 @@ def test_a_sensor_reads_the_pads_that_it_names():
 
 
 def test_what_does_not_fit_is_said():
-    with pytest.raises(InvalidValueError, match="of entity 'hand', but the scene has 'table', 'block'"):
-        configuration(sensors=(TactileSensorCfg("tactile", "hand"),))
-    with pytest.raises(InvalidValueError, match="no pads whose name begins with 'block/'"):
-        configuration(sensors=(TactileSensorCfg("tactile", "block"),))
-    with pytest.raises(InvalidValueError, match=r"add a TactileSensorCfg to SceneCfg.sensors"):
-        configuration(sensors=())
+    for sensors, says in (
+        ((TactileSensorCfg("tactile", "hand"),), "of entity 'hand', but the scene has 'table', 'block'"),
+        ((TactileSensorCfg("tactile", "block"),), "no pads whose name begins with 'block/'"),
+        ((), r"add a TactileSensorCfg to SceneCfg.sensors"),
+    ):
+        with pytest.raises(InvalidValueError, match=says):
+            configuration(sensors=sensors)
     with pytest.raises(UnsupportedError, match=r"call paxisim.warp.fit_simulation\(cfg\) before"):
         ManagerBasedRlEnv(configuration(fit=False), "cpu")
     with pytest.raises(InvalidValueError, match="a tactile sensor, got 'touch'; the scene has 'tactile'"):
         environment(pads=EventTermCfg(func=RenewPads, mode="reset", params={"sensor": "touch"}))
-    env = environment()
     with pytest.raises(UnsupportedError, match=r"all worlds share one surface: add the event paxisim.warp.RenewPads"):
-        env.scene["tactile"].set_surface(np.full((3, 1, 4, 3), 1e-3))
-    env = environment(pads=pads_event())
+        environment().scene["tactile"].set_surface(np.full((3, 1, 4, 3), 1e-3))
     with pytest.raises(InvalidValueError, match=r"heights must have shape \(2, 1, 4, 3\), got \(3, 1, 4, 3\)"):
-        env.scene["tactile"].set_surface(np.full((3, 1, 4, 3), 1e-3), torch.tensor([0, 2]))
+        environment(pads=pads_event()).scene["tactile"].set_surface(np.full((3, 1, 4, 3), 1e-3), torch.tensor([0, 2]))
 
 
 def test_the_page_runs_as_printed():
