@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 import paxisim
 
 from .observations import RAW
-from .whole import write_whole
+from .results import write_whole
 
 FLUSHED = "flushed.json"
 """File name of the write position up to which all files of a buffer are on the disk."""

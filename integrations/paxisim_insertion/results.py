@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -13,8 +14,6 @@ from typing import Any
 from scipy.stats import binomtest
 
 import paxisim
-
-from .whole import write_whole
 
 RUNS = Path("runs")
 """Default folder of training runs, in the working directory."""
@@ -84,6 +83,13 @@ def differing(made_with: dict[str, str]) -> dict[str, str]:
 def plain(version: str) -> str:
     """Return a version without its build, such as +cpu."""
     return version.split("+")[0]
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file atomically, in place of an older one."""
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(text, encoding="utf-8")
+    os.replace(new, path)
 
 
 @dataclass(frozen=True)

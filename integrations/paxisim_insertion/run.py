@@ -18,10 +18,9 @@ import paxisim
 from .env import InsertionEnv
 from .methods import find_method
 from .policy import Trained
-from .results import differing, versions
+from .results import differing, versions, write_whole
 from .tasks import PARAMETERS, Parameters, find_task
 from .vec_env import InsertionVecEnv
-from .whole import write_whole
 
 BUFFER = 1_000_000
 """Capacity of the replay buffer in transitions, stable-baselines3's default."""

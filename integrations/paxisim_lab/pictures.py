@@ -9,21 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from paxisim_insertion.results import IN_SIMULATION, TRANSFER, Result
-from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
 from paxisim_insertion.tasks import TASKS
 
-import paxisim
-
-from .curves import draw_curves, method_colours, read_curves, shipped_curves
+from .curves import draw_curves, method_colours, shipped_curves
 from .rates import PAPER_TRIALS, REAL, TABLE_2_SIM, UNKNOWN, in_order, pooled, read_results
 
 
-def pictures(*, runs: Path | None = None, results: Path | None = None, out: Path = Path(".")) -> None:
-    """Draw learning.png, the learning curves of each task, and table.png, the paper's results beside ours.
+def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
+    """Draw learning.png, the curves that come with the package, and table.png, the paper's results beside ours.
 
     Args:
-        runs: Folder of runs, for the curves. Default: the curves that come with the package.
         results: Folder of results, for the table. Default: the results that come with the package and those in
             ./results.
         out: Output folder; created if missing.
@@ -32,15 +28,8 @@ def pictures(*, runs: Path | None = None, results: Path | None = None, out: Path
 
     matplotlib.use("Agg")
     found = read_results(results)
-    if runs is None:
-        curves = shipped_curves()
-    else:
-        opened = [Run.open(path.parent) for path in sorted(runs.glob("*/run.json"))]
-        curves = read_curves((run.task, run.name, run.folder) for run in opened)
-        if not curves:
-            raise paxisim.InvalidValueError(f"{runs} has no folders of runs with learning curves")
     out.mkdir(parents=True, exist_ok=True)
-    for name, figure in {"learning.png": draw_panels(curves), "table.png": draw_table(found)}.items():
+    for name, figure in {"learning.png": draw_panels(shipped_curves()), "table.png": draw_table(found)}.items():
         figure.savefig(out / name, dpi=90)
         print(out / name)
 

@@ -6,8 +6,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from paxisim_insertion.results import write_whole
 from paxisim_insertion.tasks import TASKS
-from paxisim_insertion.whole import write_whole
 
 import paxisim
 

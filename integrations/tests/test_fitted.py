@@ -56,32 +56,6 @@ def test_an_environment_draws_from_the_gcs_that_is_given(diagnosed):
     np.testing.assert_array_equal(drawn[0], drawn[2])
 
 
-def test_a_model_with_memory_and_the_gripper_s_opening_is_stepped():
-    model = paxisim.Chain(
-        [
-            paxisim.augment.Creep((0.3,), (0.3,)),
-            paxisim.augment.Interference(linear=np.full((2, 3), 5.0), zeroed_at=0.08),
-        ]
-    )
-    env = InsertionEnv(
-        "SX-2mm", "GCS", engine="native", gcs=paxisim.GCS.around(model, {"creep": {"amplitude": ([0.2], [0.4])}})
-    )
-    env.reset(seed=0)
-
-    def crept():
-        """Return the reading without the field, which depends on the opening."""
-        return env.reading - 5 * (env.scene.opening - 0.08)
-
-    raw = env.scene.tactile.read()
-    share = (crept() * raw).sum() / (raw * raw).sum()
-    assert 1.2 < share < 1.4, "the initial load has crept to its final value"
-    np.testing.assert_allclose(crept(), share * raw, atol=1e-4)
-    for _ in range(5):
-        env.step(np.array([0.0, -1.0]))
-    late = crept() - share * env.scene.tactile.read()
-    assert np.abs(late).max() > 5e-3, "later loads still creep"
-
-
 def test_chains_that_do_not_fit_are_refused_at_once():
     wide = paxisim.GCS.around(paxisim.Chain([paxisim.augment.TaxelGain(np.ones((2, 12, 10)))]), {})
     with pytest.raises(paxisim.InvalidValueError, match=r"gain of shape \(2, 12, 10\) does not fit a tensor of shape"):

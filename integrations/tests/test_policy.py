@@ -83,14 +83,9 @@ def test_batch_normalisation_learns_from_the_update_with_gradient_alone():
     policy.set_training_mode(True)
     before = norm.running_mean.clone()
     with torch.no_grad():
-        torch.manual_seed(1)
-        alone = policy.actor.action_log_prob({name: value[:1] for name, value in observation.items()})[1]
-        torch.manual_seed(1)
-        among = policy.actor.action_log_prob({name: value[[0, 0, 3]] for name, value in observation.items()})[1]
+        policy.actor.action_log_prob(observation)
     assert torch.equal(norm.running_mean, before)
     assert policy.actor.training, "the training mode is restored"
-    assert alone.shape == (1,)
-    assert among.shape == (3,)
     policy.actor.action_log_prob(observation)
     assert not torch.equal(norm.running_mean, before)
     # a target does not depend on the rest of its batch

@@ -2,11 +2,7 @@
 
 import base64
 import json
-import os
 import shutil
-import subprocess
-import sys
-import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -161,25 +157,6 @@ def test_a_run_of_other_versions_or_of_another_layout(copied, capsys):
 def test_no_two_runs_and_resumptions_have_an_environment_in_common(tmp_path):
     starts = [Run(tmp_path, "SX-2mm", "GCS", seed).seed_after(done) for seed in range(5) for done in (0, 1, 4, 1000)]
     assert min(np.diff(sorted(starts))) > 100, "environments use consecutive seeds"
-
-
-@pytest.mark.slow
-def test_a_killed_run_goes_on_from_its_newest_checkpoint(tmp_path):
-    words = ["--task", "SY-2mm", "--steps", "100000", "--buffer", "3000", "--save-every", "1", "--envs", "2"]
-    arguments = [sys.executable, "-m", "paxisim_insertion.train", *words, "--out", str(tmp_path / "run")]
-    with subprocess.Popen(arguments, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}) as process:
-        until = time.monotonic() + 100
-        while not (tmp_path / "run" / "actor.pt").exists():
-            assert process.poll() is None
-            assert time.monotonic() < until
-            time.sleep(0.2)
-        process.kill()
-    run = Run.open(tmp_path / "run", resume=True)
-    env = run.make_envs()
-    model = make_model(run, env, "cpu")
-    env.close()
-    assert 0 < model.num_timesteps == 2 * model.replay_buffer.pos
-    train(out=tmp_path / "run", resume=True, steps=model.num_timesteps + 40, device="cpu")
 
 
 @pytest.mark.slow
