@@ -61,7 +61,7 @@ def train(
         reward_scale: Factor of the reward in training.
         out: Folder of the run; created if missing. Default: runs/TASK_METHOD_SEED, with _fitted appended for --model.
         resume: Continue an existing run with the settings it was started with.
-        save_every: Seconds between two saved models. Transitions are stored at once, so none are lost.
+        save_every: Seconds between two checkpoints, of the model and the transitions.
         buffer: Capacity of the replay buffer in transitions.
         model: Folder of a diagnosis written by paxisim diagnose. Its sensor model, drawn within its intervals for each
             episode, replaces the randomisation of the method. What it found in the scene is drawn as well.

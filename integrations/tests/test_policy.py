@@ -98,36 +98,26 @@ def test_batch_normalisation_learns_from_the_update_with_gradient_alone():
     assert (in_training[:1] - alone).abs().max() > 1e-4, "in training mode it depends on the batch"
 
 
-class Episodes:
-    """Random frames as histories, in episodes of random length."""
+def transitions(space, k, count):
+    """Yield transitions of two environments with random frames, in episodes of 7 steps and of 30."""
+    rng = np.random.default_rng(0)
+    channels, *size = space["tactile"].shape
 
-    def __init__(self, space, k, envs, seed=0):
-        self.space, self.k, self.rng = space, k, np.random.default_rng(seed)
-        self.histories = [self._begin() for _ in range(envs)]
+    def frame():
+        return rng.standard_normal((channels // k, *size)).astype(np.float32)
 
-    def _frame(self):
-        shape = self.space["tactile"].shape
-        return self.rng.standard_normal((shape[0] // self.k, *shape[1:])).astype(np.float32)
+    def observed():
+        other = drawn(space, 2, int(rng.integers(1 << 30)))
+        return {**other, "tactile": np.stack([np.concatenate(history) for history in histories])}
 
-    def _begin(self):
-        return [self._frame()] * self.k
-
-    def _observe(self):
-        observation = drawn(self.space, len(self.histories), int(self.rng.integers(1 << 30)))
-        observation["tactile"] = np.stack([np.concatenate(history) for history in self.histories])
-        return observation
-
-    def transitions(self, count):
-        observation = self._observe()
-        for _ in range(count):
-            self.histories = [[*history[1:], self._frame()] for history in self.histories]
-            after = self._observe()
-            done = self.rng.random(len(self.histories)) < 0.1
-            infos = [{"TimeLimit.truncated": bool(self.rng.random() < 0.5)} for _ in done]
-            action = self.rng.uniform(-1, 1, (len(done), 2)).astype(np.float32)
-            yield observation, after, action, self.rng.random(len(done)), done, infos
-            self.histories = [self._begin() if d else h for d, h in zip(done, self.histories, strict=True)]
-            observation = {**self._observe(), "p": after["p"], PRIVILEGED: after[PRIVILEGED]}
+    histories = [[frame()] * k for _ in range(2)]
+    for step in range(1, count + 1):
+        before = observed()
+        histories = [[*history[1:], frame()] for history in histories]
+        done = np.array([step % length == 0 for length in (7, 30)])
+        action = rng.uniform(-1, 1, (2, 2)).astype(np.float32)
+        yield before, observed(), action, rng.random(2), done, [{"TimeLimit.truncated": bool(step % 2)}] * 2
+        histories = [[frame()] * k if ends else history for ends, history in zip(done, histories, strict=True)]
 
 
 @pytest.mark.parametrize(("method", "count"), [("GCS", 60), ("GCS", 300), ("TF", 150)])
@@ -136,7 +126,7 @@ def test_the_replay_buffer_gives_back_what_was_added(method, count):
     k = METHODS[method].history(TASKS["SX-2mm"], LAYOUT).k
     lean = HistoryReplayBuffer(200, space, ACTIONS, "cpu", 2, history=k)
     plain = DictReplayBuffer(200, space, ACTIONS, "cpu", 2)
-    for transition in Episodes(space, k, 2).transitions(count):
+    for transition in transitions(space, k, count):
         lean.add(*transition)
         plain.add(*transition)
     oldest = (lean.pos + k - 1) if lean.full else 0
@@ -194,15 +184,15 @@ def test_each_history_has_one_draw_and_each_sample_its_own():
 
 def test_a_buffer_in_files_goes_on_from_where_it_was_flushed(tmp_path):
     space = space_of("TD")
-    transitions = list(Episodes(space, METHODS["TD"].history(TASKS["SX-2mm"], LAYOUT).k, 1).transitions(15))
+    added = list(transitions(space, METHODS["TD"].history(TASKS["SX-2mm"], LAYOUT).k, 15))
 
     def opened(size=200):
-        buffer = HistoryReplayBuffer(size, space, ACTIONS, "cpu", 1, history=1)
+        buffer = HistoryReplayBuffer(size, space, ACTIONS, "cpu", 2, history=1)
         buffer.keep_in(tmp_path)
         return buffer
 
     buffer = opened()
-    for number, transition in enumerate(transitions):
+    for number, transition in enumerate(added):
         if number == 10:
             buffer.flush()
         buffer.add(*transition)
