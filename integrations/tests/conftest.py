@@ -14,6 +14,14 @@ else:
     collect_ignore_glob = ["test_*.py"]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def one_thread():
+    """Threads of torch that wait for each other cost more than they save."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
 @pytest.fixture(scope="session")
 def trained_run(tmp_path_factory):
     """Folder of a run of 240 steps of GCS on SY-2mm, in two environments; copy it to change it."""
