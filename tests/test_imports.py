@@ -165,3 +165,20 @@ def test_integrations_see_only_the_public_names():
                 if node.module == "paxisim":
                     assert {alias.name for alias in node.names} <= set(paxisim.__all__), path
             assert not any(name.startswith("paxisim.") for name in names), path
+
+
+@pytest.mark.skipif(not INTEGRATIONS.exists(), reason="no integrations yet")
+def test_no_module_of_the_integrations_needs_itself():
+    """Imports in functions count."""
+    imports = {}
+    for path in INTEGRATIONS.glob("paxisim_*/**/*.py"):
+        package = path.parent.relative_to(INTEGRATIONS).parts
+        name = ".".join([*package, path.stem]).removesuffix(".__init__")
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                start = package[: len(package) + 1 - node.level] if node.level else ()
+                module = ".".join([*start, node.module or ""]).removesuffix(".")
+                found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+        imports[name] = found - {name}
+    assert circle_in({name: found & set(imports) for name, found in imports.items()}) == []

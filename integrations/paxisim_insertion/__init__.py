@@ -5,8 +5,6 @@ Importing this package registers ``paxisim/RY-2mm-v0``, ``RU-2mm``, ``SQ-2mm``, 
 makes worlds of MuJoCo Warp.
 """
 
-from typing import Any
-
 import gymnasium
 
 from .env import InsertionEnv as InsertionEnv
@@ -17,28 +15,12 @@ from .tasks import Parameters as Parameters
 from .tasks import Task as Task
 
 
-def __getattr__(name: str) -> Any:
-    """Import `InsertionScene`, a robosuite environment, when it is used: the other engines do without robosuite."""
-    if name == "InsertionScene":
-        from .robosuite_scene import InsertionScene
-
-        return InsertionScene
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
 def _register() -> None:
     for name in TASKS:
-        gymnasium.register(
-            f"paxisim/{name}-v0",
-            entry_point="paxisim_insertion.env:InsertionEnv",
-            vector_entry_point="paxisim_insertion.vector:InsertionVectorEnv",
-            kwargs={"task": name},
-        )
-        gymnasium.register(
-            f"paxisim/{name}-warp-v0",
-            vector_entry_point="paxisim_insertion.warp_env:InsertionWarpEnv",
-            kwargs={"task": name},
-        )
+        task = {"task": name}
+        gymnasium.register(f"paxisim/{name}-v0", entry_point="paxisim_insertion.env:InsertionEnv", kwargs=task)
+        worlds = "paxisim_insertion.warp_env:InsertionWarpEnv"
+        gymnasium.register(f"paxisim/{name}-warp-v0", vector_entry_point=worlds, kwargs=task)
 
 
 _register()

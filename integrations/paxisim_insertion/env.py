@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 import paxisim
 
-from .gap import DrawnGap, Gap
+from .engines import make_scene
+from .engines.scene import Grasp
 from .methods import NOTHING_DRAWN, find_method
-from .poses import PRIVILEGED as PRIVILEGED
-from .poses import observed_poses
+from .observations import PRIVILEGED as PRIVILEGED
+from .observations import RAW as RAW
+from .observations import make_spaces, observed_poses
 from .reward import reward_terms, weighted
-from .scene import Grasp
-from .scenes import make_scene
-from .spaces import RAW as RAW
-from .spaces import make_spaces
 from .tasks import Parameters, find_task
+from .transfer import Gap
 
 CONTROL_DT = 0.05
 
@@ -55,7 +54,11 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         sensor: The chain that replaces the drawn one, or None; may be changed between episodes.
         surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat pads; may be changed between
             episodes.
-        gap: Differences between the robot and the simulated one; None for no differences.
+        has_gap: Whether the robot differs from the simulated one in each episode.
+        layout: Taxel layout of each pad.
+        history: The encoded history of readings that the policy sees.
+        raw: ``(pads, 3, rows, cols)`` newtons: the newest reading, before the chain.
+        reading: The newest reading after the chain and before the encoding.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - gymnasium's own name and type
@@ -69,7 +72,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         gcs: paxisim.GCS | None = None,
         sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain] | None = None,
         parameters: Parameters | None = None,
-        gap: Gap | None = None,
+        gap: bool = False,
         ranges: paxisim.SceneRanges | None = None,
         terminate_on_success: bool = False,
         render_mode: str | None = None,
@@ -86,7 +89,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
                 drawn for each episode, and the surface stays flat. A function gets the pads' layout and returns the
                 chain.
             parameters: Values that the paper does not specify.
-            gap: Differences between the robot and the simulated one, for an evaluation. Default: none.
+            gap: Draw differences between the robot and the simulated one for each episode, see `Gap`.
             ranges: Ranges of the pads' friction, stiffness, mounts and surfaces, drawn for each episode that has
                 neither a sensor nor a gap. Default: nothing is drawn.
             terminate_on_success: End the episode with the first success, as an evaluation does.
@@ -106,19 +109,18 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self.parameters = parameters or Parameters()
         self.render_mode, self.terminates = render_mode, terminate_on_success
         self.scene = make_scene(engine, self.task, self.parameters)
-        assert self.scene.tactile is not None
         self._tactile = self.scene.tactile
-        self._layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
+        self.layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
         self._variation = self._tactile.vary(ranges or paxisim.SceneRanges())
         if not (sensor is None or isinstance(sensor, paxisim.Chain)):
-            sensor = sensor(self._layout)
+            sensor = sensor(self.layout)
         self.sensor: paxisim.Chain | None = sensor
         self.surface: NDArray[np.floating] | None = None
-        self.gap = gap
-        self._drawn_gap: DrawnGap | None = None
-        self._history = self.method.history(self.task, self._layout)
-        frame = (self._pads, 3, self._layout.rows, self._layout.cols)
-        observations, actions = make_spaces(self.task, self._history, frame, raw=self.gcs is not None)
+        self.has_gap = gap
+        self._gap: Gap | None = None
+        self.history = self.method.history(self.task, self.layout)
+        frame = (self._pads, 3, self.layout.rows, self.layout.cols)
+        observations, actions = make_spaces(self.task, self.history, frame, raw=self.gcs is not None)
         self.observation_space: Any = observations
         self.action_space = actions
         self._axes = list(self.task.axes)
@@ -126,7 +128,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._state: Any = ()
         self._home = np.zeros(3)
         self._steps, self._succeeded = 0, False
-        self._raw = self._force = np.zeros(frame, dtype=np.float32)
+        self.raw = self.reading = np.zeros(frame, dtype=np.float32)
         self._renderer: mujoco.Renderer | None = None
         self._check_chains()
 
@@ -136,29 +138,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         return NOTHING_DRAWN if self.gcs is None or self.sensor is not None else self.gcs
 
     def _check_chains(self) -> None:
-        chain = self.sensor or self._draw.sample(np.random.default_rng(0), layout=self._layout, pads=self._pads)
-        force = np.zeros_like(self._raw)
+        chain = self.sensor or self._draw.sample(np.random.default_rng(0), layout=self.layout, pads=self._pads)
+        force = np.zeros_like(self.raw)
         chain.step(force, chain.initial_state(force, self._covariates()), CONTROL_DT, self._covariates())
-
-    @property
-    def history(self) -> paxisim.History:
-        """The encoded history of readings that the policy sees."""
-        return self._history
-
-    @property
-    def layout(self) -> paxisim.TaxelLayout:
-        """Taxel layout of each pad."""
-        return self._layout
-
-    @property
-    def reading(self) -> NDArray[np.float32]:
-        """``(pads, 3, rows, cols)`` newtons: the newest reading, after the chain and before the encoding."""
-        return self._force
-
-    @property
-    def raw(self) -> NDArray[np.float32]:
-        """``(pads, 3, rows, cols)`` newtons: the newest reading, before the chain."""
-        return self._raw
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -167,7 +149,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         super().reset(seed=seed)
         self._chain = self.begin()
         self._steps, self._succeeded = 0, False
-        self._history.reset()
+        self.history.reset()
         force = self._tactile.read()
         self._state = self._chain.initial_state(force, self._covariates())
         self._feel(force, 0.0)
@@ -185,14 +167,14 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         draw = self._draw
         surface = self.surface
         if surface is None or self.sensor is None:
-            surface = draw.sample_surface(rng, layout=self._layout, pads=self._pads)
-        chain = self.sensor or draw.sample(rng, layout=self._layout, pads=self._pads)
-        if self.sensor is None and self.gap is None:
+            surface = draw.sample_surface(rng, layout=self.layout, pads=self._pads)
+        chain = self.sensor or draw.sample(rng, layout=self.layout, pads=self._pads)
+        if self.sensor is None and not self.has_gap:
             surface = surface + self._variation.draw(rng).heights
         self.scene.place(bottom, grasp, surface)
-        if self.gap is not None:
-            drawn = self._drawn_gap = self.gap.draw(rng)
-            self.scene.tune(drawn.stiffness, drawn.friction)
+        if self.has_gap:
+            self._gap = Gap.draw(rng)
+            self.scene.tune(self._gap.stiffness, self._gap.friction)
         self._home = self.scene.fingertip[0]
         return chain
 
@@ -244,20 +226,20 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             self._renderer = None
 
     def _feel(self, force: NDArray[np.float32], dt: float) -> None:
-        self._raw = np.asarray(force, dtype=np.float32)
+        self.raw = np.asarray(force, dtype=np.float32)
         force, self._state = self._chain.step(force, self._state, dt, self._covariates())
-        self._force = np.asarray(force, dtype=np.float32)
-        self._history.append(self._force)
+        self.reading = np.asarray(force, dtype=np.float32)
+        self.history.append(self.reading)
 
     def _covariates(self) -> dict[str, float]:
         return {"gripper_opening": self.scene.opening}
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         observation = observed_poses(self.scene, *self.scene.fingertip, *self.scene.peg)
-        if self._drawn_gap is not None and not self.task.hole_is_hidden:
-            observation["p"] = self._drawn_gap.believed(observation["p"], self.np_random)
+        if self._gap is not None and not self.task.hole_is_hidden:
+            observation["p"] = self._gap.believed(observation["p"], self.np_random)
         if "tactile" in self.observation_space.spaces:
-            observation["tactile"] = self._history.read()
+            observation["tactile"] = self.history.read()
         if RAW in self.observation_space.spaces:
-            observation[RAW] = self._raw
+            observation[RAW] = self.raw
         return observation

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 import paxisim
 
 from .env import InsertionEnv
-from .gap import Gap
-from .results import DRAWN, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name
-from .results import FIRST_SEED as FIRST_SEED
-from .run import Run, versions
+from .policy import Trained
+from .results import DRAWN, FIRST_SEED, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name, versions
+from .run import Run
 from .shell import command
-from .surrogate import unit
-from .transfer import sensors
+from .transfer import magnetic_unit, sensors
 
 
 def evaluate(
@@ -34,7 +32,6 @@ def evaluate(
     drawn: bool = False,
     engine: Literal["robosuite", "native", "warp"] = "robosuite",
     out: Path = OUT,
-    other_versions: bool = False,
 ) -> None:
     """Evaluate a run's newest policy on fixed episodes and write the result.
 
@@ -49,8 +46,7 @@ def evaluate(
         drawn: Sample the actions from the policy, as in training, instead of taking the most likely ones.
         engine: Engine of the simulation: robosuite's, the reference; plain MuJoCo; or MuJoCo Warp, with all episodes at
             once.
-        out: Output folder, which .table reads as well; created if missing.
-        other_versions: Accept a run made with other software versions.
+        out: Output folder, which paxisim_lab.table reads as well; created if missing.
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
@@ -58,56 +54,76 @@ def evaluate(
         raise paxisim.InvalidValueError("expected one of --sensor, --transfer and --drawn")
     if engine == "warp" and (transfer or drawn or sensor is not None):
         raise paxisim.InvalidValueError("expected --engine warp without --sensor, --transfer and --drawn")
-    this = Run.open(run, other_versions=other_versions)
+    this = Run.open(run)
     chain = None if sensor is None else surrogate_of(str(sensor))
-    gap = Gap() if transfer else None
     alone = "native" if engine == "warp" else engine
-    env = this.insertion_env(sensor=chain, gap=gap, engine=alone, terminate_on_success=True)
-    kinds: dict[str, list[bool]] = {}
+    env = this.insertion_env(sensor=chain, gap=transfer, engine=alone, terminate_on_success=True)
     try:
         trained = this.policy(env)
         if engine == "warp":
-            from .warp_scene import be_quiet
-
-            be_quiet()
-            seeds = range(FIRST_SEED, FIRST_SEED + trials)
-            kinds[IN_SIMULATION] = this.warp_env(trials).solved(trained.act_together, seeds)
+            solved = {IN_SIMULATION: _solved_on_warp(this, trained, trials)}
         else:
-            turns = sensors(env.layout) if transfer else []
-            act = partial(trained.act, deterministic=not drawn)
-            for trial in range(trials):
-                kind = IN_SIMULATION
-                if turns:
-                    stand_in = turns[trial % len(turns)]
-                    kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
-                kinds.setdefault(kind, []).append(succeeds(env, act, FIRST_SEED + trial))
+            solved = _solved(env, partial(trained.act, deterministic=not drawn), trials, transfer)
     finally:
         env.close()
-    successes = sum(sum(found) for found in kinds.values())
     name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
     if sensor is not None:
         name = sensor_name(sensor)
     if engine != "robosuite":
         name = f"{name}, {engine}"
+    successes = sum(sum(found) for found in solved.values())
     interval = interval_of(successes, trials)
-    training = {
-        "steps": trained.steps,
-        "updates": trained.updates,
-        "cpu_seconds": round(trained.seconds),
-        "envs": this.envs,
-        "engine": this.engine,
-        "batch": this.batch,
-        "temperature": this.temperature,
-        "reward_scale": this.reward_scale,
-        "redraw": this.redraw,
-        "parameters": asdict(this.parameters),
-        "model": [] if this.diagnosis is None else list(this.diagnosis.model.names),
-    }
-    parts = {kind: (sum(found), len(found)) for kind, found in kinds.items()} if transfer else {}
+    parts = {kind: (sum(found), len(found)) for kind, found in solved.items()} if transfer else {}
+    training = _made(this, trained)
     rate = successes / trials
     result = Result(this.task, this.name, name, this.seed, trials, rate, interval, versions(), training, parts)
     path = result.save(out)
     print(f"{this.task} {this.name} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
+
+
+def _solved(
+    env: InsertionEnv,
+    act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]],
+    trials: int,
+    transfer: bool,
+) -> dict[str, list[bool]]:
+    """Return which episodes a policy solves, by kind of sensor; in a transfer the sensors take turns."""
+    kinds: dict[str, list[bool]] = {}
+    turns = sensors(env.layout) if transfer else []
+    for trial in range(trials):
+        kind = IN_SIMULATION
+        if turns:
+            stand_in = turns[trial % len(turns)]
+            kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
+        kinds.setdefault(kind, []).append(succeeds(env, act, FIRST_SEED + trial))
+    return kinds
+
+
+def _solved_on_warp(run: Run, trained: Trained, trials: int) -> list[bool]:
+    """Return which episodes a policy solves on MuJoCo Warp, one in each world."""
+    from .warp_env import InsertionWarpEnv
+
+    if run.ranges.parameters:
+        raise paxisim.UnsupportedError("MuJoCo Warp's engine does not draw what a diagnosis found in the scene")
+    worlds = InsertionWarpEnv(trials, task=run.task, method=run.method, gcs=run.gcs, parameters=run.parameters)
+    return worlds.solved(trained.act_together, range(FIRST_SEED, FIRST_SEED + trials))
+
+
+def _made(run: Run, trained: Trained) -> dict[str, Any]:
+    """Return the steps, settings and cost of a training, for its results."""
+    return {
+        "steps": trained.steps,
+        "updates": trained.updates,
+        "cpu_seconds": round(trained.seconds),
+        "envs": run.envs,
+        "engine": "native",
+        "batch": run.batch,
+        "temperature": run.temperature,
+        "reward_scale": run.reward_scale,
+        "redraw": run.redraw,
+        "parameters": asdict(run.parameters),
+        "model": [] if run.diagnosis is None else list(run.diagnosis.model.names),
+    }
 
 
 def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain]:
@@ -120,7 +136,7 @@ def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout],
         return paxisim.Chain.load(sensor)
     name = sensor.removeprefix("reference:")
     paxisim.reference_sensor(name)  # raises before an environment is built
-    return partial(unit, name)
+    return partial(magnetic_unit, name)
 
 
 def succeeds(

@@ -18,6 +18,11 @@ from .tasks import Parameters, Task
 SEGMENTS = 24
 """Pieces around a round hole; their polygon circumscribes the circle, so no peg of the stated size is blocked."""
 
+TABLE_HEIGHT = 0.8
+TABLE_SIZE = (0.8, 0.8, 0.05)
+
+_PEG_COLOUR, _BASE_COLOUR = "0.85 0.45 0.2 1", "0.3 0.45 0.65 1"
+
 Pieces = list[trimesh.Trimesh]
 
 
@@ -59,6 +64,22 @@ def keypoints(parameters: Parameters) -> NDArray[np.floating]:
 def contact_attributes(parameters: Parameters) -> dict[str, str]:
     """Return geom attributes of printed plastic: a push of 20 N sinks in by less than a tenth of a millimetre."""
     return {"friction": f"{parameters.friction} 0.005 0.0001", "solref": "0.006 1", "solimp": "0.99 0.995 0.0005"}
+
+
+def add_objects(world: ET.Element, assets: ET.Element, task: Task, parameters: Parameters) -> None:
+    """Add the base and the peg, which is a free body, to an MJCF model."""
+    touched = contact_attributes(parameters)
+    at = np.array([0.0, 0.0, TABLE_HEIGHT + parameters.floor])
+    base = ET.SubElement(world, "body", {"name": "base", "pos": numbers(at)})
+    geoms, meshes = to_mjcf(base_pieces(task, parameters), "base", _BASE_COLOUR, **touched)
+    base.extend(geoms)
+    above = at + [0, 0, parameters.hole_depth + 0.1]
+    peg = ET.SubElement(world, "body", {"name": "peg", "pos": numbers(above)})
+    ET.SubElement(peg, "freejoint", {"name": "peg"})
+    density = str(parameters.density)
+    geoms, more = to_mjcf(peg_pieces(task, parameters), "peg", _PEG_COLOUR, density=density, **touched)
+    peg.extend(geoms)
+    assets.extend(meshes + more)
 
 
 def to_mjcf(pieces: Pieces, name: str, rgba: str, **attributes: str) -> tuple[list[ET.Element], list[ET.Element]]:

@@ -1,4 +1,6 @@
-"""The paper's policy for stable-baselines3's SAC: the actor sees p_t and touch, the critic sees the true poses.
+"""The paper's policy for stable-baselines3's SAC, and a trained one that acts.
+
+The actor sees p_t and touch, the critic sees the true poses.
 
 In the actor (Section "RL Policy" and appendix) a CNN of four layers with batch normalisation maps the tactile history
 to 128 features, one layer maps p_t to 128 features, and two layers of 256 follow. The critic has two layers of 256 on
@@ -7,17 +9,60 @@ the privileged poses. Neither sees the inputs of the other.
 
 from __future__ import annotations
 
+import os
+import pickle
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from gymnasium import spaces
+from numpy.typing import NDArray
 from stable_baselines3.common.policies import ContinuousCritic
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.sac.policies import Actor, SACPolicy
 from torch import nn
 
-from .encoder import FEATURES, POSE_SCALE, tactile_encoder
-from .env import PRIVILEGED
+import paxisim
+
+from .env import InsertionEnv
+from .observations import PRIVILEGED
+
+ACTOR = "actor.pt"
+"""File name of an actor without critic, optimisers and replay buffer."""
+
+NOT_WEIGHTS = (
+    RuntimeError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    EOFError,
+    zipfile.BadZipFile,
+    pickle.UnpicklingError,
+)
+"""Exceptions raised for a file with other weights or without weights."""
+
+FEATURES = 128
+"""Output size of each encoder (paper)."""
+
+LAYERS = ((32, 2), (32, 1), (64, 2), (64, 1))
+"""Channels and stride of the CNN's layers, all with 3x3 kernels: our choice. Without strides an update takes three
+times as long on a CPU."""
+
+POSE_SCALE = 100.0
+"""Factor that converts poses to cm and centiradian: a layer learns slowly from inputs of a few thousandths."""
+
+
+def tactile_encoder(channels: int, rows: int, cols: int) -> nn.Sequential:
+    """Build the CNN that maps ``(batch, channels, rows, cols)`` to ``(batch, 128)``."""
+    layers: list[nn.Module] = []
+    for size, stride in LAYERS:
+        layers += [nn.Conv2d(channels, size, 3, stride, padding=1, bias=False), nn.BatchNorm2d(size), nn.ReLU()]
+        channels, rows, cols = size, -(-rows // stride), -(-cols // stride)
+    return nn.Sequential(*layers, nn.Flatten(), nn.Linear(channels * rows * cols, FEATURES), nn.ReLU())
 
 
 class ActorFeatures(BaseFeaturesExtractor):
@@ -97,3 +142,59 @@ class AsymmetricPolicy(SACPolicy):
         assert isinstance(self.observation_space, spaces.Dict)
         features = features_extractor or CriticFeatures(self.observation_space)
         return ContinuousCritic(**self._update_features_extractor(self.critic_kwargs, features)).to(self.device)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A policy that acts.
+
+    Attributes:
+        policy: stable-baselines3's policy. Its critic is untrained.
+        steps: Environment steps of the training.
+        updates: Updates of the training.
+        seconds: CPU seconds of the training; 0 if unknown.
+    """
+
+    policy: AsymmetricPolicy
+    steps: int
+    updates: int
+    seconds: float
+
+    @classmethod
+    def load(cls, folder: Path, env: InsertionEnv) -> Trained:
+        """Load the actor that `save_actor` wrote: only weights and numbers, as a pickle could run any code.
+
+        Raises:
+            InvalidValueError: There is no actor yet, or it was trained on other observations.
+        """
+        path = folder / ACTOR
+        if not path.exists():
+            raise paxisim.InvalidValueError(f"{folder} has no actor yet: train it first")
+        actions: Any = env.action_space
+        policy = AsymmetricPolicy(env.observation_space, actions, lambda _: 0.0)
+        try:
+            found = torch.load(path, map_location="cpu", weights_only=True)
+            policy.actor.load_state_dict(found["actor"])
+            return cls(policy, int(found["steps"]), int(found["updates"]), float(found.get("seconds", 0.0)))
+        except NOT_WEIGHTS as error:
+            raise paxisim.InvalidValueError(
+                f"{path} is not an actor for {env.observation_space}; perhaps its layout, k or task differ: {error}"
+            ) from error
+
+    def act(self, observation: dict[str, NDArray[np.float32]], *, deterministic: bool = True) -> NDArray[np.float32]:
+        """Return the most likely action, or one sampled from the policy."""
+        return self.policy.predict(observation, deterministic=deterministic)[0]  # type: ignore[arg-type]
+
+    def act_together(self, observations: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Return the most likely actions ``(worlds, axes)`` for observations of many worlds, on their device."""
+        self.policy.to(observations["p"].device)
+        self.policy.set_training_mode(False)
+        with torch.no_grad():
+            return self.policy.actor(observations, deterministic=True)
+
+
+def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int, seconds: float) -> None:
+    """Write an actor and the cost of its training to `ACTOR` in a folder, atomically."""
+    new = folder / f"{ACTOR}.new"
+    torch.save({"steps": steps, "updates": updates, "seconds": seconds, "actor": actor.state_dict()}, new)
+    os.replace(new, folder / ACTOR)

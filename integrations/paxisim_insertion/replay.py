@@ -1,9 +1,8 @@
-"""HistoryReplayBuffer: a replay buffer that stores each tactile frame once, optionally on disk."""
+"""A replay buffer that stores each tactile frame once, optionally on disk, and draws GCS anew for each sample."""
 
 from __future__ import annotations
 
 import json
-import platform
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,46 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 import paxisim
 
-from .env import RAW
-from .redraw import Redraw
-from .whole import write_whole
+from .observations import RAW
+from .results import write_whole
 
 FLUSHED = "flushed.json"
-"""File name of the write position up to which all files of a buffer are on the disk, and of the machine."""
+"""File name of the write position up to which all files of a buffer are on the disk."""
+
+
+def can_redraw(gcs: paxisim.GCS | None) -> bool:
+    """Return whether chains can be redrawn for a short history of frames.
+
+    They cannot if they have memory of earlier frames, such as creep, or need covariates, which the buffer does not
+    store.
+    """
+    if gcs is None:
+        return False
+    chain = gcs.sample(np.random.default_rng(0))
+    return not chain.has_memory and not chain.covariate_names
+
+
+class Redraw:
+    """Convolution and scaling redrawn for each sample, with one draw for all of its frames.
+
+    The paper draws once per episode. A policy that learns from a few hundred episodes can then recognise each of them
+    by its dead taxels and memorise where its hole was. It overfits to the episodes it has seen, including the current
+    one. Redrawing at every update prevents this. The surface stays that of the episode.
+    """
+
+    def __init__(self, gcs: paxisim.GCS, encoding: Any, layout: paxisim.TaxelLayout, seed: int) -> None:
+        """Draw from `gcs` for pads of `layout`, and encode frames as the policy's history does."""
+        self._gcs, self._encoding, self._layout = gcs, encoding, layout
+        self.seed(seed)
+
+    def seed(self, seed: int) -> None:
+        """Begin new random draws."""
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self, frames: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Encode raw frames ``(batch, k, pads, 3, rows, cols)`` (N) to ``(batch, k, channels, rows, cols)``."""
+        chain = self._gcs.sample(self._rng, (len(frames), 1), layout=self._layout, pads=frames.shape[2])
+        return np.asarray(self._encoding.encode(chain(frames)), dtype=np.float32)
 
 
 class HistoryReplayBuffer(DictReplayBuffer):
@@ -35,7 +68,7 @@ class HistoryReplayBuffer(DictReplayBuffer):
     With `redraw` the buffer stores the raw frames of the observation's ``"raw"`` entry instead, and encodes each
     sampled history with its own random draw.
 
-    `keep_in` moves the buffer to files, so that a killed run can resume with all its transitions.
+    `keep_in` moves the buffer to files, so that a killed run can resume with its transitions up to the last `flush`.
     """
 
     def __init__(
@@ -75,7 +108,6 @@ class HistoryReplayBuffer(DictReplayBuffer):
         super().__init__(buffer_size, spaces.Dict(entries), *args, **kwargs)
         # number of earlier transitions of the same episode
         self._age = np.zeros((self.buffer_size, self.n_envs), dtype=np.int32)
-        self._cursor = np.zeros(2, dtype=np.int64)  # write position, and whether the buffer is full
         self._next_age = np.zeros(self.n_envs, dtype=np.int32)
         self._folder: Path | None = None
 
@@ -92,13 +124,12 @@ class HistoryReplayBuffer(DictReplayBuffer):
         self._age[self.pos] = self._next_age
         self._next_age = np.where(done, 0, self._next_age + 1)
         super().add(self._newest(obs), self._newest(next_obs), action, reward, done, infos)
-        self._cursor[:] = self.pos, self.full
 
     def keep_in(self, folder: Path) -> None:
         """Store the buffer in files of a folder from now on, and continue with the files that exist there.
 
-        The files have their full size from the start, but take up disk space only as they fill. A process that is
-        killed loses no transition that was added. If the machine dies, those since the last `flush` are lost.
+        The files have their full size from the start, but take up disk space only as they fill. A run that is killed
+        loses the transitions since the last `flush`.
 
         Raises:
             InvalidValueError: Existing files do not have the size of this buffer, or are not those of one.
@@ -119,24 +150,20 @@ class HistoryReplayBuffer(DictReplayBuffer):
         if mark.exists():
             try:
                 flushed = json.loads(mark.read_text(encoding="utf-8"))
-                if flushed["machine"] != _machine():  # what the other machine had not written yet may read as zeros
-                    self._cursor[:] = flushed["position"], flushed["full"]
+                self.pos, self.full = int(flushed["position"]), bool(flushed["full"])
             except (ValueError, TypeError, KeyError) as error:
                 raise paxisim.InvalidValueError(f"{mark} is not the mark of a replay buffer: {error!r}") from error
-        self.pos, self.full = int(self._cursor[0]), bool(self._cursor[1])
-        self.flush()
 
     def flush(self) -> None:
-        """Write everything that was added to the disk, so that another machine can continue from here."""
+        """Write everything that was added to the disk, so that a run can continue from here, on any machine."""
         if self._folder is None:
             return
         for owner, name in self._arrays():
             owner[name].flush()
-        mark = {"position": self.pos, "full": self.full, "machine": _machine()}
-        write_whole(self._folder / FLUSHED, json.dumps(mark) + "\n")
+        write_whole(self._folder / FLUSHED, json.dumps({"position": self.pos, "full": self.full}) + "\n")
 
     def _arrays(self) -> list[tuple[dict[str, Any], str]]:
-        own = [(vars(self), name) for name in ("actions", "rewards", "dones", "timeouts", "_age", "_cursor")]
+        own = [(vars(self), name) for name in ("actions", "rewards", "dones", "timeouts", "_age")]
         observed = [(values, key) for values in (self.observations, self.next_observations) for key in values]
         return own + observed
 
@@ -186,9 +213,3 @@ class HistoryReplayBuffer(DictReplayBuffer):
             dones=self.to_torch(done.reshape(-1, 1)),
             rewards=self.to_torch(self._normalize_reward(self.rewards[batch_inds, envs].reshape(-1, 1), env)),
         )
-
-
-def _machine() -> str:
-    """Return a name of this machine that changes when it starts again."""
-    path = Path("/proc/sys/kernel/random/boot_id")
-    return path.read_text(encoding="utf-8").strip() if path.exists() else platform.node()

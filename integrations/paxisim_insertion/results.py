@@ -1,20 +1,19 @@
-"""Results of evaluations, one JSON file each."""
+"""Results of evaluations, one JSON file each, and the software versions that made them."""
 
 from __future__ import annotations
 
 import json
+import os
+import platform
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from scipy.stats import binomtest
 
 import paxisim
-
-from .whole import write_whole
-
-RESULTS = Path(__file__).parent / "results"
-"""Folder of the results that come with the package."""
 
 RUNS = Path("runs")
 """Default folder of training runs, in the working directory."""
@@ -35,7 +34,10 @@ SURROGATE = "surrogate "
 """Beginning of the sensor names of surrogates."""
 
 TRANSFER = "transfer"
-"""Sensor name for the stand-in of a real robot, see `paxisim_insertion.transfer` and `Gap`."""
+"""Sensor name for the stand-in of a real robot, see `paxisim_insertion.transfer`."""
+
+PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
+"""Packages whose versions a result depends on."""
 
 
 def folder_of(task: str, method: str, seed: int) -> str:
@@ -61,6 +63,33 @@ def interval_of(successes: int, trials: int) -> tuple[float, float]:
     """Return the 95 % Wilson interval of a success rate."""
     low, high = binomtest(successes, trials).proportion_ci(method="wilson")
     return float(low), float(high)
+
+
+def versions() -> dict[str, str]:
+    """Return the software versions that a result depends on, of the packages that are installed."""
+    found: dict[str, str] = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return {"paxisim": paxisim.__version__, "python": platform.python_version(), **found}
+
+
+def differing(made_with: dict[str, str]) -> dict[str, str]:
+    """Return the versions of `made_with` that differ from those here; 2.13.0+cpu and 2.13.0 are the same version."""
+    here = versions()
+    return {n: made for n, made in made_with.items() if plain(here.get(n, "")) != plain(made)}
+
+
+def plain(version: str) -> str:
+    """Return a version without its build, such as +cpu."""
+    return version.split("+")[0]
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file atomically, in place of an older one."""
+    new = path.with_name(f"{path.name}.new")
+    new.write_text(text, encoding="utf-8")
+    os.replace(new, path)
 
 
 @dataclass(frozen=True)
@@ -111,5 +140,5 @@ class Result:
             found = json.loads(path.read_text(encoding="utf-8"))
             parts = {kind: tuple(counts) for kind, counts in found.get("parts", {}).items()}
             return cls(**{**found, "interval": tuple(found["interval"]), "parts": parts})
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a result: {error}") from error

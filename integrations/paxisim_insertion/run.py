@@ -4,50 +4,26 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from gymnasium import Env
-from gymnasium.wrappers import TransformReward
 from stable_baselines3 import SAC
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 import paxisim
 
 from .env import InsertionEnv
 from .methods import find_method
-from .scenes import check_engine
+from .policy import Trained
+from .results import differing, versions, write_whole
 from .tasks import PARAMETERS, Parameters, find_task
-from .trained import ACTOR, Trained
 from .vec_env import InsertionVecEnv
-from .versions import differing
-from .versions import versions as versions
-from .whole import write_whole
-
-if TYPE_CHECKING:
-    from .warp_env import InsertionWarpEnv
 
 BUFFER = 1_000_000
 """Capacity of the replay buffer in transitions, stable-baselines3's default."""
-
-_FIELDS = (
-    "task",
-    "method",
-    "seed",
-    "envs",
-    "buffer",
-    "reward_scale",
-    "redraw",
-    "steps",
-    "engine",
-    "updates",
-    "batch",
-    "temperature",
-)
 
 REWARD_SCALE = 0.005
 """Factor of the reward in training.
@@ -58,6 +34,9 @@ peg earns 700 per step, and the critic has to learn values of 70,000.
 
 TEMPERATURE = 0.1
 """Initial temperature of SAC."""
+
+_FIELDS = ("task", "method", "seed", "steps", "envs", "buffer", "redraw")
+_FIELDS += ("reward_scale", "temperature", "updates", "batch")
 
 
 @dataclass(frozen=True)
@@ -74,7 +53,6 @@ class Run:
         reward_scale: Factor of the reward, see `REWARD_SCALE`.
         redraw: Also redraw GCS for each sample of the replay buffer, see `Redraw`; the paper draws once per episode.
         steps: Total number of environment steps.
-        engine: Engine that moves the hand during training, see `InsertionEnv`.
         updates: Updates per environment step.
         batch: Transitions per update.
         temperature: Initial temperature of SAC.
@@ -85,7 +63,6 @@ class Run:
 
     Raises:
         InvalidValueError: A number is not positive.
-        UnknownNameError: There is no such engine.
     """
 
     folder: Path
@@ -97,7 +74,6 @@ class Run:
     reward_scale: float = REWARD_SCALE
     redraw: bool = True
     steps: int = 300_000
-    engine: str = "robosuite"
     updates: float = 0.25
     batch: int = 256
     temperature: float = TEMPERATURE
@@ -113,7 +89,6 @@ class Run:
         for name in ("updates", "temperature", "reward_scale"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
-        check_engine(self.engine)
 
     @property
     def gcs(self) -> paxisim.GCS | None:
@@ -147,35 +122,36 @@ class Run:
         write_whole(path, json.dumps({**self._identity(), "versions": versions()}, indent=1) + "\n")
 
     @classmethod
-    def open(cls, folder: Path, *, other_versions: bool = False) -> Run:
-        """Open an existing run.
+    def open(cls, folder: Path, *, resume: bool = False) -> Run:
+        """Open an existing run. If it was made with other software versions, a line on stderr says so.
 
         Args:
             folder: Folder of the run.
-            other_versions: Accept a run made with other software versions.
+            resume: Open it to continue its training, which must keep to its versions.
 
         Raises:
-            InvalidValueError: There is no run, it was made with other versions, or it cannot be read.
+            InvalidValueError: There is no run, it cannot be read, or it cannot be resumed with the versions here.
         """
         path = folder / "run.json"
         if not path.exists():
             raise paxisim.InvalidValueError(f"{folder} has no run: make one with python -m paxisim_insertion.train")
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
-            made_with = found.pop("versions")
-            values = found.pop("parameters")
-            values = {key: _tuples(value) for key, value in values.items()}
-            told, drawn = found.pop("diagnosis", None), found.pop("ranges", {})
-            found.setdefault("updates", 1 / found["envs"])  # for runs from before `updates` was an option
+            differ = differing(found["versions"])
+            parameters = Parameters(**{key: _tuples(value) for key, value in found["parameters"].items()})
+            told = found["diagnosis"]
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
-            run = cls(folder, parameters=Parameters(**values), diagnosis=diagnosis, ranges=_ranges(**drawn), **found)
+            settings = {name: found[name] for name in _FIELDS}
+            ranges = _ranges(**found["ranges"])
+            run = cls(folder, **settings, parameters=parameters, diagnosis=diagnosis, ranges=ranges)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise paxisim.InvalidValueError(f"{path} is not a run of this version: {error}") from error
-        differ = differing(made_with)
-        if differ and not other_versions:
+        if differ:
             here = versions()
-            told = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
-            raise paxisim.InvalidValueError(f"{folder} was made with {told}: use those, or pass --other-versions")
+            made_with = ", ".join(f"{name} {made} (here {here.get(name)})" for name, made in differ.items())
+            if resume:
+                raise paxisim.InvalidValueError(f"{folder} was made with {made_with}: resume it with those")
+            print(f"note: {folder} was made with {made_with}", file=sys.stderr)
         return run
 
     def seed_after(self, steps: int) -> int:
@@ -191,52 +167,20 @@ class Run:
             self.task, self.method, gcs=self.gcs, ranges=self.ranges, parameters=self.parameters, **options
         )
 
-    def warp_env(self, worlds: int) -> InsertionWarpEnv:
-        """Build as many worlds of the run's environment on MuJoCo Warp.
-
-        Raises:
-            UnsupportedError: The run draws friction, stiffness, mounts or surfaces of the pads found in a scene.
-            MissingExtraError: MuJoCo Warp is not installed.
-        """
-        from .warp_env import InsertionWarpEnv
-
-        if self.ranges.parameters:
-            raise paxisim.UnsupportedError("MuJoCo Warp's engine does not draw what a diagnosis found in the scene")
-        return InsertionWarpEnv(worlds, task=self.task, method=self.method, gcs=self.gcs, parameters=self.parameters)
-
-    def make_env(self, index: int = 0) -> Env:
-        """Build one of the run's environments, seeded. Its rewards are scaled, its logged returns are not."""
-        env = self.insertion_env()
-        env.reset(seed=self.seed * 1000 + index)
-        return TransformReward(
-            Monitor(env, info_keywords=("is_success",)), lambda reward: self.reward_scale * float(reward)
-        )
-
-    def make_envs(self, threads: int = 1) -> VecEnv:
-        """Build all of the run's environments; several robosuite environments run in separate processes.
-
-        Args:
-            threads: Number of threads in which the native engine steps the environments.
-        """
-        if self.engine == "native":
-            envs = [self.insertion_env(engine="native") for _ in range(self.envs)]
-            made = InsertionVecEnv(envs, reward_scale=self.reward_scale, threads=threads)
-            made.seed(self.seed * 1000)
-            return made
-        makers: list[Any] = [lambda index=index: self.make_env(index) for index in range(self.envs)]
-        return SubprocVecEnv(makers, start_method="forkserver") if self.envs > 1 else DummyVecEnv(makers)
+    def make_envs(self) -> InsertionVecEnv:
+        """Build all of the run's environments, seeded. Their rewards are scaled, their logged returns are not."""
+        envs = [self.insertion_env(engine="native") for _ in range(self.envs)]
+        made = InsertionVecEnv(envs, reward_scale=self.reward_scale)
+        made.seed(self.seed * 1000)
+        return made
 
     def policy(self, env: InsertionEnv) -> Trained:
-        """Load the newest policy for `env`: the average of the actors if the run has one.
+        """Load the newest policy for `env`, the average of the training's actors.
 
         Raises:
             InvalidValueError: There is no policy yet, or it was trained on other observations.
         """
-        if (self.folder / ACTOR).exists():
-            return Trained.load(self.folder, env)
-        if not self.model_path.exists():
-            raise paxisim.InvalidValueError(f"{self.folder} has no model yet: train it first")
-        return Trained.of_model(self.model_path, env)
+        return Trained.load(self.folder, env)
 
     def save(self, model: SAC) -> None:
         """Save a model in place of the previous one, atomically."""

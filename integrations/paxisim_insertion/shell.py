@@ -1,4 +1,4 @@
-"""Shared code of the ``python -m paxisim_insertion.*`` commands: options from signatures, one-line errors."""
+"""Shared code of the commands of this package and of `paxisim_lab`: options from signatures, one-line errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     """Run a function as a shell command.
 
     Args:
-        function: The command, named as its module; its parameters are the options.
+        function: The command, the only one of its module; its parameters are the options.
         arguments: Command-line arguments; default: those of the process.
 
     Returns:
@@ -38,11 +38,11 @@ def command(function: Callable[..., None], arguments: list[str] | None = None) -
     except BrokenPipeError:  # the reader closed the pipe, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (paxisim.PaxisimError, OSError) as error:
-        print(f"paxisim_insertion: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{_module(function)}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         hint = "; pass --resume to continue" if "resume" in inspect.signature(function).parameters else ""
-        print(f"paxisim_insertion: interrupted{hint}", file=sys.stderr)
+        print(f"{_module(function)}: interrupted{hint}", file=sys.stderr)
         return 130
     return 0
 
@@ -54,7 +54,7 @@ def parse(function: Callable[..., None], arguments: list[str] | None) -> Callabl
         SystemExit: With status 0, after the requested help was printed.
         InvalidValueError: The arguments are not options of the command.
     """
-    program = f"python -m paxisim_insertion.{function.__name__}"
+    program = f"python -m {_module(function)}"
 
     @functools.wraps(function)
     def bind(*args: Any, **options: Any) -> Callable[[], None]:
@@ -68,6 +68,12 @@ def parse(function: Callable[..., None], arguments: list[str] | None) -> Callabl
         if not stop.code:
             raise
         raise paxisim.InvalidValueError(f"{_reason(box.getvalue())}; see {program} --help") from None
+
+
+def _module(function: Callable[..., None]) -> str:
+    """Return the name of the function's module, also where that runs as the program."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return spec.name if function.__module__ == "__main__" and spec is not None else function.__module__
 
 
 def _reason(box: str) -> str:

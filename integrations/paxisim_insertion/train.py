@@ -6,7 +6,6 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -18,13 +17,12 @@ from stable_baselines3.common.utils import set_random_seed
 import paxisim
 
 from .learner import average_of, make_model
-from .redraw import can_redraw
-from .replay import HistoryReplayBuffer
+from .policy import save_actor
+from .replay import HistoryReplayBuffer, can_redraw
 from .results import RUNS, folder_of
 from .run import BUFFER, REWARD_SCALE, TEMPERATURE, Run
 from .shell import command
 from .tasks import PARAMETERS, Parameters
-from .trained import save_actor
 
 STEPS = 300_000
 
@@ -35,7 +33,6 @@ def train(
     seed: int = 0,
     *,
     steps: int | None = None,
-    engine: Literal["native", "robosuite"] = "native",
     envs: int = 20,
     updates: float = 0.25,
     batch: int = 128,
@@ -43,23 +40,20 @@ def train(
     reward_scale: float = REWARD_SCALE,
     out: Path | None = None,
     resume: bool = False,
-    other_versions: bool = False,
     save_every: float = 30.0,
     buffer: int = BUFFER,
     model: Path | None = None,
     per_episode: bool = False,
     parameters: Parameters = PARAMETERS,
-    threads: int = 1,
     device: str = "auto",
 ) -> None:
-    """Train a policy. After an interruption, --resume continues the run.
+    """Train a policy in the native engine, on one core. After an interruption, --resume continues the run.
 
     Args:
         task: Name of the task.
         method: Name of the method.
         seed: Random seed of networks, environments and exploration.
         steps: Total number of environment steps. Default: 300,000, or those of the run that is resumed.
-        engine: Engine that moves the hand during training. Evaluations always use robosuite.
         envs: Number of environments that collect transitions in parallel.
         updates: Network updates per environment step; the ratio is rounded to whole numbers of updates and steps.
         batch: Transitions per update.
@@ -67,20 +61,18 @@ def train(
         reward_scale: Factor of the reward in training.
         out: Folder of the run; created if missing. Default: runs/TASK_METHOD_SEED, with _fitted appended for --model.
         resume: Continue an existing run with the settings it was started with.
-        other_versions: Accept a run made with other software versions.
-        save_every: Seconds between two saved models. Transitions are stored at once, so none are lost.
+        save_every: Seconds between two checkpoints, of the model and the transitions.
         buffer: Capacity of the replay buffer in transitions.
         model: Folder of a diagnosis written by paxisim diagnose. Its sensor model, drawn within its intervals for each
             episode, replaces the randomisation of the method. What it found in the scene is drawn as well.
         per_episode: Draw GCS once per episode, as the paper does. Default: draw it again for each sample of the replay
             buffer, unless the model has memory, such as creep, or needs the gripper's opening.
         parameters: Values that the paper does not specify.
-        threads: Number of threads for torch and for the native engine.
         device: Torch device.
     """
     folder = out or RUNS / (folder_of(task, method, seed) + ("" if model is None else "_fitted"))
     if resume:
-        run = Run.open(folder, other_versions=other_versions)
+        run = Run.open(folder, resume=True)
         steps = run.steps if steps is None else steps
     else:
         steps = STEPS if steps is None else steps
@@ -97,7 +89,6 @@ def train(
             buffer,
             reward_scale,
             steps=steps,
-            engine=engine,
             updates=updates,
             batch=batch,
             temperature=temperature,
@@ -109,8 +100,8 @@ def train(
         if found is not None:
             run.insertion_env().close()  # raises for a model that does not fit, before the folder is created
         run.create()
-    torch.set_num_threads(threads)
-    env = run.make_envs(threads)
+    torch.set_num_threads(1)
+    env = run.make_envs()
     try:
         sac = make_model(run, env, device)
         done = sac.num_timesteps

@@ -1,10 +1,9 @@
-"""InsertionVecEnv: many native environments in one process, with threaded physics and batched computations."""
+"""InsertionVecEnv: many native environments in one process, with batched computations."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,30 +14,28 @@ from stable_baselines3.common.vec_env import VecEnv
 import paxisim
 
 from .chains import stack_chains
-from .env import CONTROL_DT, RAW, InsertionEnv
-from .native_scene import NativeScene
-from .poses import observed_poses
+from .engines.native import NativeScene
+from .env import CONTROL_DT, InsertionEnv
+from .observations import RAW, observed_poses
 from .reward import insertion, reward_terms, weighted
 
 
 class InsertionVecEnv(VecEnv):
     """A stable-baselines3 vector environment of one task and method.
 
-    Each environment matches an `InsertionEnv` of the native engine with the same seed, up to rounding. MuJoCo releases
-    Python's lock, so threads step the environments in parallel. All episodes have the same length: they begin and end
-    together, and new ones begin at once.
+    Each environment matches an `InsertionEnv` of the native engine with the same seed, up to rounding. All episodes
+    have the same length: they begin and end together, and new ones begin at once.
 
     Attributes:
         envs: The environments, which provide the scenes and the random numbers.
     """
 
-    def __init__(self, envs: Sequence[InsertionEnv], *, reward_scale: float = 1.0, threads: int = 1) -> None:
+    def __init__(self, envs: Sequence[InsertionEnv], *, reward_scale: float = 1.0) -> None:
         """Combine environments with the same options.
 
         Args:
             envs: Environments of the native engine without sensor, gap and ``terminate_on_success``.
             reward_scale: Factor of the reward; the returns in ``infos`` are not scaled.
-            threads: Number of threads for the physics.
 
         Raises:
             InvalidValueError: There is no environment, or one has another engine, a sensor, a gap or
@@ -46,12 +43,11 @@ class InsertionVecEnv(VecEnv):
         """
         if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
             raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
-        if any(env.sensor is not None or env.gap is not None or env.terminates for env in envs):
+        if any(env.sensor is not None or env.has_gap or env.terminates for env in envs):
             raise paxisim.InvalidValueError("expected environments without sensor=, gap= and terminate_on_success=")
         self.envs = list(envs)
         count, first = len(envs), envs[0]
         self._scale, self._axes = reward_scale, list(first.task.axes)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._scenes: list[Any] = [env.scene for env in envs]
         self._poses = [_poses(scene) for scene in self._scenes]
         self._history = first.method.history(first.task, first.layout)
@@ -84,7 +80,9 @@ class InsertionVecEnv(VecEnv):
         goals[:, self._axes] = self._read_poses()[0][:, self._axes] + first.task.action_scale * self._actions
         for scene, goal in zip(self._scenes, goals, strict=True):
             scene.aim(goal)
-        self._for_each(self._advance)
+        for index, scene in enumerate(self._scenes):
+            scene.advance()
+            self._force[index] = scene.tactile.read()
         self._steps += 1
         self._feel(CONTROL_DT)
         poses = self._read_poses()
@@ -105,9 +103,7 @@ class InsertionVecEnv(VecEnv):
         return observation, (self._scale * reward).astype(np.float32), np.full(self.num_envs, done), infos
 
     def close(self) -> None:
-        """Stop the threads and close the environments."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        """Close the environments."""
         for env in self.envs:
             env.close()
 
@@ -128,18 +124,8 @@ class InsertionVecEnv(VecEnv):
         """Return False for each environment: none is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
-    def _for_each(self, work: Callable[[int], Any]) -> list[Any]:
-        """Call a function with the index of each environment, in threads if there are several; return the results."""
-        return list(
-            map(work, range(self.num_envs)) if self._pool is None else self._pool.map(work, range(self.num_envs))
-        )
-
-    def _advance(self, index: int) -> None:
-        self._scenes[index].advance()
-        self._force[index] = self._scenes[index].tactile.read()
-
     def _begin(self) -> dict[str, NDArray[np.float32]]:
-        self._chain = stack_chains(self._for_each(lambda index: self.envs[index].begin()))
+        self._chain = stack_chains([env.begin() for env in self.envs])
         for index, scene in enumerate(self._scenes):
             self._force[index] = scene.tactile.read()
         poses = self._read_poses()

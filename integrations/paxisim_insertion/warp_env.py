@@ -11,13 +11,12 @@ from gymnasium.vector.utils import batch_space
 
 import paxisim
 
+from .engines.warp import Starts, WarpScene
 from .env import CONTROL_DT
 from .methods import NOTHING_DRAWN, find_method
+from .observations import RAW, make_spaces
 from .reward import reward_terms, weighted
-from .spaces import RAW, make_spaces
-from .starts import Starts
 from .tasks import Parameters, find_task
-from .warp_scene import WarpScene
 
 Observation = dict[str, torch.Tensor]
 

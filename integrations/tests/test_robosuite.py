@@ -19,15 +19,34 @@ TIP = paxisim.Mount("finger_joint1_tip")
 QUIET = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20}
 
 
+def made(task, robots, grippers, **options):
+    return robosuite.make(
+        task, **{"robots": robots, "gripper_types": grippers, "hard_reset": False, "seed": 0, **QUIET, **options}
+    )
+
+
 @pytest.fixture(scope="module")
 def lift():
-    env = robosuite.make("Lift", robots="Panda", gripper_types="PaxiPandaGripper", hard_reset=False, seed=0, **QUIET)
+    env = made("Lift", "Panda", "PaxiPandaGripper")
     yield TactileWrapper(env, seed=0)
     env.close()
 
 
-def compiled(gripper):
-    """Compile a gripper as robosuite does, which merges duplicate assets of a file."""
+@pytest.fixture
+def registered():
+    """Register a gripper for one test, and return its model as robosuite compiles it, without duplicate assets."""
+    before = set(GRIPPER_MAPPING)
+
+    def compiled(gripper, *arguments):
+        register("Own", gripper, LAYOUT, *arguments)
+        return compiled_world(gripper_factory("Own", idn=0))
+
+    yield compiled
+    for name in set(GRIPPER_MAPPING) - before:
+        del GRIPPER_MAPPING[name]
+
+
+def compiled_world(gripper):
     world = MujocoWorldBase()
     world.merge(gripper)
     return world.get_model()
@@ -36,7 +55,7 @@ def compiled(gripper):
 @pytest.mark.parametrize("gripper", READY_MADE)
 def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper):
     plain, tactile = gripper_factory(gripper, idn=0), gripper_factory(f"Paxi{gripper}", idn=0)
-    without, with_pads = compiled(plain), compiled(tactile)
+    without, with_pads = compiled_world(plain), compiled_world(tactile)
     pads = paxisim.find_pads(with_pads, prefix=tactile.naming_prefix)
     assert pads.shape == (2, 3, 6, 5)
     assert with_pads.nbody == without.nbody + 2
@@ -52,43 +71,17 @@ def test_a_ready_made_gripper_differs_from_robosuites_by_its_pads_alone(gripper)
         assert len(taxels & set(tactile.important_geoms[f"{side}_fingerpad"])) == 30
 
 
-def test_mounts_and_sensor_of_ones_own():
-    mount = paxisim.Mount("finger_joint1_tip", (0, -0.009, -0.015), (0, 0, 1, 1), ("finger1_pad_collision",))
-    register("OnePadPandaGripper", "PandaGripper", LAYOUT, [mount])
-    try:
-        model = compiled(gripper_factory("OnePadPandaGripper", idn=0))
-    finally:
-        del GRIPPER_MAPPING["OnePadPandaGripper"]
+def test_mounts_and_sensor_of_ones_own(registered):
+    replaces = ("finger1_pad_collision", "leftfinger/1")  # a geom by its name, and by its body and index
+    mount = paxisim.Mount("finger_joint1_tip", (0, -0.009, -0.015), (0, 0, 1, 1), replaces)
+    model = registered("PandaGripper", [mount])
     assert paxisim.find_pads(model).shape == (1, 3, 3, 2)
-    replaced, kept = model.geom("gripper0_finger1_pad_collision"), model.geom("gripper0_finger2_pad_collision")
-    assert not replaced.contype[0]
-    assert not replaced.conaffinity[0]
-    assert kept.contype[0]
+    names = ("finger1", "finger1_pad", "finger2", "finger2_pad")
+    assert [model.geom(f"gripper0_{name}_collision").conaffinity[0] for name in names] == [0, 0, 1, 1]
+    assert not model.geom("gripper0_finger1_pad_collision").contype[0]
 
 
-def test_a_geom_by_its_body_and_index():
-    mount = paxisim.Mount("finger_joint1_tip", replaces=("leftfinger/1",))
-    register("ByIndexPandaGripper", "PandaGripper", LAYOUT, [mount])
-    try:
-        model = compiled(gripper_factory("ByIndexPandaGripper", idn=0))
-    finally:
-        del GRIPPER_MAPPING["ByIndexPandaGripper"]
-    assert not model.geom("gripper0_finger1_collision").contype[0]
-    assert model.geom("gripper0_finger1_pad_collision").contype[0]
-
-
-def test_a_geom_that_the_body_does_not_have():
-    register("WrongGeom", "PandaGripper", LAYOUT, [paxisim.Mount("finger_joint1_tip", replaces=(99,))])
-    try:
-        with pytest.raises(
-            paxisim.InvalidValueError, match=r"body 'finger_joint1_tip' has \d geoms?, there is no geom 99"
-        ):
-            gripper_factory("WrongGeom", idn=0)
-    finally:
-        del GRIPPER_MAPPING["WrongGeom"]
-
-
-def test_explicit_pairs_of_replaced_geoms_are_removed():
+def test_explicit_pairs_of_replaced_geoms_are_removed(registered):
     """In MuJoCo the geoms of an explicit pair collide whatever their contact bits."""
 
     class Paired(GRIPPER_MAPPING["PandaGripper"]):
@@ -98,53 +91,32 @@ def test_explicit_pairs_of_replaced_geoms_are_removed():
                 self.contact.append(ET.Element("pair", {"geom1": first, "geom2": "hand_collision"}))
 
     register_gripper(Paired)
-    mount = paxisim.Mount("finger_joint1_tip", replaces=("finger1_pad_collision",))
-    register("TactilePaired", "Paired", LAYOUT, [mount])
-    try:
-        model = compiled(gripper_factory("TactilePaired", idn=0))
-    finally:
-        del GRIPPER_MAPPING["Paired"], GRIPPER_MAPPING["TactilePaired"]
+    model = registered("Paired", [paxisim.Mount("finger_joint1_tip", replaces=("finger1_pad_collision",))])
     (first,), (second,) = model.pair_geom1, model.pair_geom2
     assert {model.geom(first).name, model.geom(second).name} == {f"gripper0_{n}_collision" for n in ("finger1", "hand")}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        (("A", "PandaGriper"), paxisim.UnknownNameError, "did you mean 'PandaGripper'"),
-        (("A", "PandaGripper", "paxini-gen1"), paxisim.UnknownNameError, "unknown sensor"),
-        (("PandaGripper", "PandaGripper"), paxisim.InvalidValueError, "expected a new name"),
-        (("A", "PandaGripper", "paxini-gen1-l4629", []), paxisim.InvalidValueError, "at least one mount"),
-        (("A", "PaxiPandaGripper"), paxisim.InvalidValueError, "no mounts are known for PaxiPandaGripper"),
-        (
-            ("A", "PandaGripper", paxisim.Pad(LAYOUT, sensors="touch_grid")),
-            paxisim.InvalidValueError,
-            "drops the plugin",
-        ),
-        (
-            ("A", "PandaGripper", LAYOUT, [TIP, TIP]),
-            paxisim.InvalidValueError,
-            "two mounts are named 'finger_joint1_tip'",
-        ),
-    ],
-)
-def test_what_cannot_be_registered(arguments, error, message):
-    with pytest.raises(error, match=message):
-        register(*arguments)
+def test_what_cannot_be_registered(registered):
+    unknown, invalid = paxisim.UnknownNameError, paxisim.InvalidValueError
+    for arguments, error, told in (
+        (("A", "PandaGriper"), unknown, "did you mean 'PandaGripper'"),
+        (("A", "PandaGripper", "paxini-gen1"), unknown, "unknown sensor"),
+        (("PandaGripper", "PandaGripper"), invalid, "expected a new name"),
+        (("A", "PandaGripper", "paxini-gen1-l4629", []), invalid, "at least one mount"),
+        (("A", "PaxiPandaGripper"), invalid, "no mounts are known for PaxiPandaGripper"),
+        (("A", "PandaGripper", paxisim.Pad(LAYOUT, sensors="touch_grid")), invalid, "drops the plugin"),
+        (("A", "PandaGripper", LAYOUT, [TIP, TIP]), invalid, "two mounts are named 'finger_joint1_tip'"),
+    ):
+        with pytest.raises(error, match=told):
+            register(*arguments)
     assert "A" not in GRIPPER_MAPPING
-
-
-def test_registering_a_name_again_warns():
-    register("Twice", "PandaGripper", LAYOUT)
-    with pytest.warns(UserWarning, match="Twice was registered before"):
-        again = register("Twice", "PandaGripper", LAYOUT, [TIP])
-    assert GRIPPER_MAPPING["Twice"] is again
-
-
-def test_an_environment_without_pads_is_refused():
-    env = robosuite.make("Lift", robots="Panda", seed=0, **QUIET)
-    with pytest.raises(paxisim.InvalidValueError, match=r"no gripper of the environment has pads .*PandaGripper"):
-        TactileWrapper(env)
+    with pytest.raises(invalid, match=r"body 'finger_joint1_tip' has \d geoms?, there is no geom 99"):
+        registered("PandaGripper", [paxisim.Mount("finger_joint1_tip", replaces=(99,))])
+    with pytest.warns(UserWarning, match="Own was registered before"):
+        again = register("Own", "PandaGripper", LAYOUT, [TIP])
+    assert GRIPPER_MAPPING["Own"] is again
+    with pytest.raises(invalid, match=r"no gripper of the environment has pads .*PandaGripper"):
+        TactileWrapper(made("Lift", "Panda", "PandaGripper"))
 
 
 def gripped(wrapper, steps):
@@ -181,32 +153,26 @@ def test_a_cube_is_felt_and_counts_as_grasped(lift):
 
 @pytest.mark.parametrize("gripper", ["PaxiRobotiq140Gripper", "PaxiRethinkGripper"])
 def test_other_grippers_feel_it_too(gripper):
-    env = robosuite.make("Lift", robots="Panda", gripper_types=gripper, hard_reset=False, seed=0, **QUIET)
+    env = made("Lift", "Panda", gripper)
     total = gripped(TactileWrapper(env, seed=0), 40)[0].sum(axis=(-2, -1))
     assert np.all(total[:, 2] > 10), total
     assert total[0, 2] == pytest.approx(total[1, 2], rel=0.1)
     assert env._check_grasp(env.robots[0].gripper, env.cube)
 
 
-@pytest.mark.parametrize(
-    ("task", "robots", "grippers", "names"),
-    [
-        ("Stack", "UR5e", "PaxiRobotiq85Gripper", {"robot0_tactile"}),
-        ("Lift", "XArm7", "PaxiXArm7Gripper", {"robot0_tactile"}),
-        ("TwoArmLift", "Baxter", "PaxiRethinkGripper", {"robot0_right_tactile", "robot0_left_tactile"}),
-        ("TwoArmLift", ["Panda", "UR5e"], ["PaxiPandaGripper", "Robotiq140Gripper"], {"robot0_tactile"}),
-    ],
-)
-def test_any_environment_and_robot(task, robots, grippers, names):
-    env = robosuite.make(task, robots=robots, gripper_types=grippers, hard_reset=False, seed=0, **QUIET)
-    wrapper = TactileWrapper(env, seed=0)
-    wrapper.reset()
-    observation, *_ = wrapper.step(np.zeros(env.action_dim))
-    assert names == {name for name in observation if name.endswith("tactile")}
-    assert all(observation[name].shape == (2, 3, 6, 5) for name in names)
+def test_robots_with_two_arms_and_several_robots():
+    for robots, grippers, names in (
+        ("Baxter", "PaxiRethinkGripper", {"robot0_right_tactile", "robot0_left_tactile"}),
+        (["Panda", "UR5e"], ["PaxiPandaGripper", "Robotiq140Gripper"], {"robot0_tactile"}),
+    ):
+        wrapper = TactileWrapper(made("TwoArmLift", robots, grippers), seed=0)
+        wrapper.reset()
+        observation, *_ = wrapper.step(np.zeros(wrapper.unwrapped.action_dim))
+        assert names == {name for name in observation if name.endswith("tactile")}
+        assert all(observation[name].shape == (2, 3, 6, 5) for name in names)
 
 
-def test_the_surface_changes_with_the_episode_and_with_the_seed(lift):
+def test_the_surface_changes_with_the_episode(lift):
     def heights():
         lift.reset()
         model = lift.unwrapped.sim.model._model
@@ -224,10 +190,8 @@ def test_the_surface_changes_with_the_episode_and_with_the_seed(lift):
 
 @pytest.mark.filterwarnings("ignore:.*precision lowered")  # from robosuite's own action space
 def test_gym_wrapper_and_hard_resets():
-    env = robosuite.make("Lift", robots="Panda", gripper_types="PaxiPandaGripper", hard_reset=True, seed=0, **QUIET)
+    env = made("Lift", "Panda", "PaxiPandaGripper", hard_reset=True)
     gym = GymWrapper(TactileWrapper(env, seed=0), keys=["robot0_proprio-state", "robot0_tactile"], flatten_obs=False)
-    assert gym.observation_space["robot0_tactile"].shape == (2, 3, 6, 5)
-    assert gym.observation_space["robot0_tactile"].dtype == np.float32
     for _ in range(2):
         before = env.sim
         observation, _ = gym.reset()
@@ -245,8 +209,7 @@ def test_gym_wrapper_and_hard_resets():
 def test_the_fast_controller_gives_robosuites_torques(settings):
     fast = fast_controller("Panda", **settings)
     envs = [
-        robosuite.make("Lift", robots="Panda", controller_configs=config, hard_reset=False, seed=1, **QUIET)
-        for config in ({**fast, "type": "BASIC"}, fast)
+        made("Lift", "Panda", "default", controller_configs=own, seed=1) for own in ({**fast, "type": "BASIC"}, fast)
     ]
     for env in envs:
         env.reset()

@@ -1,0 +1,77 @@
+"""Spherical taxels under flat and round objects, compared with a bed of springs computed by hand."""
+
+import mujoco
+import numpy as np
+import pytest
+from paxisim_insertion.engines.pads import PAD, ScenePads
+from paxisim_robosuite.gripper import DEFAULT_SENSOR
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import paxisim
+
+RADIUS = 15e-3
+LOAD = 8.0
+"""Load (N) small enough that no spring reaches the range where the gel stiffens."""
+
+OBJECTS = {
+    "flat": 'type="box" size="0.015 0.0175 0.015"',
+    "round": f'type="cylinder" size="{RADIUS} 0.0175" euler="90 0 0"',
+}
+SCENE = """
+<mujoco>
+  <option timestep="0.005" cone="elliptic" impratio="20"/>
+  <worldbody>
+    <frame name="pad"/>
+    <body name="object" pos="0 0 -0.0155">
+      <joint type="slide" axis="0 0 1" damping="200"/>
+      <geom {} mass="0.5"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def felt(kind, pad):
+    """Normal forces (N) of the taxels of a pad under an object with `LOAD`."""
+    spec = mujoco.MjSpec.from_string(SCENE.format(OBJECTS[kind]))
+    spec.attach(mujoco.MjSpec.from_string(pad.to_xml()), frame=spec.frame("pad"), prefix="")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    model.opt.gravity[:] = 0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as in the scenes
+    tactile = ScenePads(model, data, paxisim.find_pads(model))
+    data.qfrc_applied[0] = LOAD
+    mujoco.mj_step(model, data, 400)
+    return tactile.read()[0, 2]
+
+
+def of_springs(kind):
+    """Normal forces (N) of a bed of springs that fills the pad, with the object's axis along its rows."""
+    layout, gel = PAD.layout, PAD.gel
+    stiffness = gel.modulus / gel.thickness
+
+    def column(middle, depth):
+        def pressure(x):
+            rise = 0.0 if kind == "flat" else RADIUS - np.sqrt(RADIUS**2 - x**2)
+            return stiffness * max(depth - rise, 0.0)
+
+        half = layout.pitch[1] / 2
+        return layout.pitch[0] * quad(pressure, middle - half, middle + half, limit=200)[0]
+
+    middles = layout.positions[: layout.cols, 0]
+    depth = brentq(lambda d: layout.rows * sum(column(x, d) for x in middles) - LOAD, 1e-6, 3e-3)
+    return np.tile([column(x, depth) for x in middles], (layout.rows, 1))
+
+
+@pytest.mark.parametrize("kind", OBJECTS)
+def test_balls_feel_what_a_bed_of_springs_feels(kind):
+    expected, found = of_springs(kind), felt(kind, PAD)
+    assert found.sum() == pytest.approx(LOAD, rel=1e-3)
+    assert np.abs(found - expected).sum() < 0.03 * LOAD
+
+
+def test_cubes_feel_a_round_object_worse():
+    """The tasks use balls because a cube makes a single contact there, for which the gel is too soft."""
+    expected, found = of_springs("round"), felt("round", DEFAULT_SENSOR)
+    assert np.abs(found - expected).sum() > 0.1 * LOAD
