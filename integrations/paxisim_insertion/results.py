@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -85,11 +87,24 @@ def plain(version: str) -> str:
     return version.split("+")[0]
 
 
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a path beside `path`, which replaces it at the end. An error leaves no part of it, and names `path`."""
+    new = path.with_name(f"{path.stem}.new{path.suffix}")
+    try:
+        yield new
+        os.replace(new, path)
+    except BaseException as error:
+        new.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno is not None and error.filename in (None, str(new)):
+            error.filename = str(path)  # as for a full disk
+        raise
+
+
 def write_whole(path: Path, text: str) -> None:
     """Write a text file atomically, in place of an older one."""
-    new = path.with_name(f"{path.name}.new")
-    new.write_text(text, encoding="utf-8")
-    os.replace(new, path)
+    with whole_file(path) as new:
+        new.write_text(text, encoding="utf-8")
 
 
 @dataclass(frozen=True)

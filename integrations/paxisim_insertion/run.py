@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,7 +17,7 @@ import paxisim
 from .env import InsertionEnv
 from .methods import find_method
 from .policy import Trained
-from .results import differing, versions, write_whole
+from .results import differing, versions, whole_file, write_whole
 from .tasks import PARAMETERS, Parameters, find_task
 from .vec_env import InsertionVecEnv
 
@@ -184,9 +183,8 @@ class Run:
 
     def save(self, model: SAC) -> None:
         """Save a model in place of the previous one, atomically."""
-        new = self.folder / "model.new.zip"
-        model.save(new)
-        os.replace(new, self.model_path)
+        with whole_file(self.model_path) as new:
+            model.save(new)
 
     def _identity(self) -> dict[str, Any]:
         own = {name: getattr(self, name) for name in _FIELDS}

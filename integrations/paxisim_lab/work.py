@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -53,12 +54,21 @@ def work(cell: Cell, runs: Path, out: Path) -> Done:
     began, wrong = time.monotonic(), None
     try:
         for words in cell.commands(runs, out):
-            if _status(words, log_of(cell, runs)):
-                wrong = f"{words[0]} failed, see {log_of(cell, runs)}"
+            if status := _status(words, log_of(cell, runs)):
+                wrong = f"{words[0]} {_how(status)}, see {log_of(cell, runs)}"
                 break
     except (paxisim.PaxisimError, OSError) as error:
         wrong = f"failed: {error}"
     return Done(cell, wrong, time.monotonic() - began)
+
+
+def _how(status: int) -> str:
+    """Say how a command failed, from its exit status."""
+    if status >= 0:
+        return "failed"
+    name = signal.Signals(-status).name
+    # a replay buffer lies in files that are mapped into memory
+    return f"was killed by {name}" + (" (the disk of --runs is full)" if name == "SIGBUS" else "")
 
 
 def _status(words: list[str], log: Path) -> int:

@@ -1,6 +1,7 @@
 """Matrices of cells: their order, the remaining commands, failing cells, and killed drivers and nodes."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -219,6 +220,31 @@ def test_a_killed_matrix_leaves_no_training_behind_and_continues(file, monkeypat
     result = Result.load(found)
     assert (result.method, result.seed, result.trials, result.training["steps"]) == ("TF", 3, 1, 400)
     assert log.read_text().count("of 400 steps done") == 2
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    ("size", "says"), [("400k", "was killed by SIGBUS (the disk of --runs is full)"), ("1200k", "failed")]
+)
+def test_a_full_disk_is_said_and_leaves_no_half_of_a_model(file, monkeypatch, capsys, size, says):
+    file.write_text(
+        'trials = 1\nsteps = {"SX-2mm" = 400}\n[[cells]]\ntasks = ["SX-2mm"]\nmethods = ["GCS"]\nseeds = [0]\n'
+    )
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    runs = file.parent / "runs"
+    runs.mkdir()
+    mount = [shutil.which("mount") or "false", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(runs)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        assert command(matrix, words(file)) == 2
+        assert f"train {says}, see {runs / 'SX-2mm_GCS_0.log'}" in capsys.readouterr().out
+        assert not [path.name for path in runs.rglob("*") if ".new" in path.name]
+        if says == "failed":
+            assert "No space left on device: " in (runs / "SX-2mm_GCS_0.log").read_text()
+    finally:
+        subprocess.run(["umount", str(runs)], check=True)
 
 
 @pytest.mark.slow
