@@ -208,6 +208,7 @@ def test_samples_with_nan_and_one_episode_are_told(plain):
     assert any("was split into" in warning for warning in found.symptoms.warnings), "cut where the pads are free"
 
 
+@pytest.mark.slow
 def test_a_time_stamp_that_comes_twice_and_clocks_that_begin_at_0_change_nothing_of_note(rotated, turned):
     twice = turned.time.copy()
     twice[101] = twice[100]

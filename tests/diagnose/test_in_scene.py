@@ -89,6 +89,7 @@ def test_a_wrong_friction_is_found_with_its_value_and_goes_into_the_scene(kept, 
     assert "friction" in str(found)
 
 
+@pytest.mark.slow
 def test_a_scene_cause_and_a_sensor_cause_are_both_found(kept):
     gain = paxisim.augment.AxisGain((1.0, 1.0, 0.8))
     found = paxisim.diagnose(measured([gain], friction=0.7), SOME, scene=scene(), replays=kept)
@@ -112,6 +113,7 @@ def test_a_value_far_beyond_the_first_replays_is_replayed_again(kept):
     assert moved == pytest.approx(5e-4, abs=1.5e-4)
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_wrong_and_causes_inside_a_scene_need_the_scene(kept):
     recording = measured(seed=0)
     found = paxisim.diagnose(recording, SOME, scene=scene(), replays=kept)
@@ -123,6 +125,7 @@ def test_nothing_is_named_where_nothing_is_wrong_and_causes_inside_a_scene_need_
         paxisim.diagnose(recording, scene="scene.toml")
 
 
+@pytest.mark.slow
 def test_in_the_shell_the_scene_is_a_file_and_a_better_one_is_written(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     measured(friction=0.7).save("recording.mcap")
@@ -152,6 +155,7 @@ def test_the_pictures_of_every_scene_cause():
             assert drawn((cause,), paxisim.Chain(), streams), item.name
 
 
+@pytest.mark.slow
 def test_without_contact_nothing_in_the_scene_can_be_told():
     lifted = motion()
     lifted = replace(lifted, covariates={**lifted.covariates, "depth": lifted.covariates["depth"] - 5e-3})

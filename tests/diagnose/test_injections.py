@@ -64,6 +64,7 @@ def test_streams_in_another_unit_or_frozen_are_refused(streams):
             paxisim.diagnose(streams[kind])
 
 
+@pytest.mark.slow
 def test_a_real_signal_against_its_own_regression_has_no_cause(source):
     found = paxisim.diagnose(null(source, SEED, 8).recording)
     assert found.verdict == "no_discrepancy"

@@ -58,6 +58,7 @@ def test_a_saturation_that_one_press_alone_reaches_is_named():
     assert values(found, "saturation")["limit"] == pytest.approx(limit, rel=0.15)
 
 
+@pytest.mark.slow
 def test_what_may_explain_nothing_is_not_named():
     found = diagnosed(small("drift", seed=9_100_006, strength=0.74, family="final"))
     assert names(found) == ["drift"]

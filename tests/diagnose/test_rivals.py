@@ -16,6 +16,7 @@ def rivals(found, name):
     return next(item.rivals for item in found.causes if item.name == name)
 
 
+@pytest.mark.slow
 def test_one_speed_does_not_tell_creep_from_hysteresis_and_several_do():
     recording = plain(CREEP.run, seed=7, **SLOW)
     found = diagnosed(recording, ("creep", "hysteresis"))

@@ -306,6 +306,7 @@ def test_four_pads_at_100_hz_without_a_drop():
 
 
 @pytest.mark.real_time
+@pytest.mark.slow
 def test_several_hosts_and_the_verbs_read_one_server(tmp_path, capsys):
     profile, path = load_profile("xela-uspa44"), tmp_path / "uskin.mcap"
     calibrated = load_profile("xela-uspa44-calibrated")
