@@ -19,15 +19,15 @@ PUBLIC = """
     calibrate_readout calibrate_sensor compare_streams conform diagnose encoding find_mounts find_pads find_presses
     finger_surface flat heights_from_map known_grippers known_profiles known_protocols known_sensors load_profile
     measure_quality mounts_for nominal_operator open_sensor plot_calibration plot_mounts plot_pads plot_presses
-    plot_quality plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor sensor_modules set_surface
-    skin_distance squeeze view warp
+    plot_quality plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor sensor_modules
+    set_surface skin_distance squeeze view warp
 """
 AUGMENT = """
     AxisCoupling AxisGain CentreOfPressure Chain ChannelCurve CovariateField Creep Crosstalk DeadBand DeadTaxels
     DirectTransfer Drift Encoding FailingTaxels Firmware FittedGCS GCS GCSReading GelOperator History Hysteresis
-    Interference Latency LayoutFault LowPass StatefulTransform NoTactile Offset PadAxisGain Parameter Poisson Quantisation
-    RandomWalk Ranges Rotation SampleAndHold Saturation Stiffening SwappedTaxels TaxelBinarization TaxelDirection
-    TaxelGain TemperatureDrift TotalForce Transform WhiteNoise encoding parameter parameters
+    Interference Latency LayoutFault LowPass StatefulTransform NoTactile Offset PadAxisGain Parameter Poisson
+    Quantisation RandomWalk Ranges Rotation SampleAndHold Saturation Stiffening SwappedTaxels TaxelBinarization
+    TaxelDirection TaxelGain TemperatureDrift TotalForce Transform WhiteNoise encoding parameter parameters
 """
 DIAGNOSE = """
     Cause Diagnosis FittedParameter FoundCause Free HeldOut Interval LeftOver Place Symptoms diagnose known_causes
