@@ -156,28 +156,39 @@ def nearest_tests(tree: Path, mutant: Mutant) -> list[str]:
 
 
 def try_mutant(tree: Path, mutant: Mutant, limit: int) -> dict[str, object]:
-    """Run the tests on one mutant in a clone; return its outcome."""
-    path = tree / mutant.file
+    """Run the tests on one mutant in a clone; return its outcome.
+
+    A test that fails without the change as well says nothing: its file is left out.
+    """
+    path, files = tree / mutant.file, nearest_tests(tree, mutant)
     source = path.read_bytes()
+    while True:
+        try:
+            path.write_bytes(mutant.apply(source))
+            status, failed = run_tests(tree, files, limit)
+        finally:
+            path.write_bytes(source)
+        file = failed.partition("::")[0]
+        if file not in files or run_tests(tree, [failed], limit)[0] == 0:
+            break
+        files.remove(file)
+    outcome = {0: "survived", 5: "survived"}.get(status, "survived in time" if status < 0 else "killed")
+    return dataclasses.asdict(mutant) | {"package": mutant.package, "outcome": outcome, "by": failed}
+
+
+def run_tests(tree: Path, names: list[str], limit: int) -> tuple[int, str]:
+    """Run test files or single tests in a clone; return the exit status and the first test that failed, if any."""
     environment = os.environ | {"PYTHONPATH": f"{tree}:{tree / 'integrations'}", "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", "-n0", "-x", "-q", "-p", "no:cacheprovider", "--timeout", "0"]
-    try:
-        path.write_bytes(mutant.apply(source))
-        done = subprocess.run(
-            [*command, *nearest_tests(tree, mutant)],
-            cwd=tree,
-            env=environment,
-            capture_output=True,
-            text=True,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5)),
-        )
-    finally:
-        path.write_bytes(source)
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
-    outcome = {0: "survived", 5: "survived"}.get(
-        done.returncode, "survived in time" if done.returncode < 0 else "killed"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n0", "-x", "-q", "-p", "no:cacheprovider", "--timeout", "0", *names],
+        cwd=tree,
+        env=environment,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5)),
     )
-    return dataclasses.asdict(mutant) | {"package": mutant.package, "outcome": outcome, "by": failed and failed[1]}
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    return done.returncode, failed[1] if failed else ""
 
 
 def table(results: list[dict[str, object]], before: list[dict[str, object]]) -> str:
