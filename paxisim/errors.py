@@ -42,9 +42,9 @@ class UnknownNameError(PaxisimError, LookupError):
         self._made_of = (kind, name, known, advice)
 
     def advised(self, advice: str) -> UnknownNameError:
-        """Return the same error with other advice."""
-        kind, name, known, _ = self._made_of
-        return UnknownNameError(kind, name, known, advice)
+        """Return the same error with further advice."""
+        kind, name, known, before = self._made_of
+        return UnknownNameError(kind, name, known, f"{before}; {advice}" if before else advice)
 
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str], str]]:
         """Copy and pickle by the arguments, because the default uses the message alone."""

@@ -251,7 +251,7 @@ def test_a_chain_is_saved_whole_and_errors_name_its_file(tmp_path):
             Chain.load(path)
     unknown = chain.to_json().replace("Stiffening", "Stiffning")
     path.write_text(unknown)
-    with pytest.raises(UnknownNameError, match=r"did you mean 'Stiffening'.*; it is in .*a\.json"):
+    with pytest.raises(UnknownNameError, match=r"did you mean 'Stiffening'.*import the module.*; it is in .*a\.json"):
         Chain.load(path)
     with pytest.raises(UnknownNameError, match="if Stiffning is a transform of your own, import the module"):
         Chain.from_json(unknown)
