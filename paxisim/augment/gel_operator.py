@@ -147,7 +147,7 @@ class GelOperator(Transform):
             )
         own = [self.broadcast_parameter(name, x)[..., 0, 0, 0] for name in ("own_shear", "own_normal")]
         kinds = [self.broadcast_parameter(kind, each_mode(x))[..., 0, 0, 0, 0] for kind in KINDS]
-        batch = max((part.shape[:-1] for part in (*own, *kinds)), key=len)
+        batch = xp.broadcast_arrays(*(part[..., 0] for part in (*own, *kinds)))[0].shape
         lengths = (1, 1, *[self._distances] * len(KINDS))
         parts = [xp.broadcast_to(part, (*batch, length)) for part, length in zip((*own, *kinds), lengths, strict=True)]
         values = xp.concat(parts, axis=-1)
