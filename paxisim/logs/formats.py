@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
@@ -198,7 +197,7 @@ def _laid_out(found: RecordingArrays, options: Options) -> RecordingArrays:
     return found if options.layout is None else replace(found, layout=options.layout)
 
 
-def _table(path: Path, columns: dict[str, NDArray[np.float64]] | dict[str, NDArray[Any]]) -> RecordingArrays:
+def _table(path: Path, columns: dict[str, NDArray[Any]]) -> RecordingArrays:
     try:
         return streams_from_columns(columns)
     except InvalidValueError as error:

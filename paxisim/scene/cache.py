@@ -43,11 +43,10 @@ class EpisodeCache:
     def run(self, replay: Replay, number: int, closing: float | None = None) -> SimulatedEpisode:
         """Return `replay.run(number, closing)`, from the folder if possible; otherwise the result is kept there."""
         kept = self.read(replay, number, closing)
-        if kept is not None:
-            return kept
-        made = replay.run(number, closing)
-        self.write(replay, made, closing)
-        return made
+        if kept is None:
+            kept = replay.run(number, closing)
+            self.write(replay, kept, closing)
+        return kept
 
     def write(self, replay: Replay, episode: SimulatedEpisode, closing: float | None = None) -> None:
         """Keep what `replay.run(episode.number, closing)` returned.

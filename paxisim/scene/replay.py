@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -127,7 +128,7 @@ class Replay:
         """Yield everything that the result of `run` depends on, apart from the versions of paxisim and MuJoCo."""
         from paxisim.scene.toml import format_scene
 
-        yield self._model_bytes
+        yield self._model_digest
         yield format_scene(self._scene, "").encode()
         steps = sorted((drive.source, step) for drive, step in self._resolution.items())
         yield repr((self._mean, closing, self._recording.tensor.shape[1:], steps)).encode()
@@ -142,12 +143,12 @@ class Replay:
             yield np.ascontiguousarray(array).tobytes()
 
     @cached_property
-    def _model_bytes(self) -> bytes:
-        """The compiled model, with all meshes that its files named."""
+    def _model_digest(self) -> bytes:
+        """A hash of the compiled model, with all meshes that its files named; computed once, as meshes are large."""
         model = self._rig.model
         buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
         mujoco.mj_saveModel(model, None, buffer)
-        return buffer.tobytes()
+        return hashlib.sha256(buffer.tobytes()).digest()
 
     def _missed(self, part: Recording, force: NDArray[np.float32]) -> tuple[str, ...]:
         """Return a note if contact was measured in an episode but none is simulated."""
