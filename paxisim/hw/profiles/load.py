@@ -1,4 +1,4 @@
-"""Reading and writing of profiles in TOML: those that ship with paxisim, and a user's own."""
+"""Reading of profiles in TOML: those that ship with paxisim, and a user's own."""
 
 from __future__ import annotations
 
