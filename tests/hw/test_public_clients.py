@@ -103,11 +103,13 @@ def test_paxini_sdk_polls_a_serial_converter():
         sent = counts_of(chosen, signal)[0]
         assert [point.as_tuple() for point in client.read_distributed_force()] == [tuple(taxel) for taxel in sent]
         assert client.read_resultant_force() == tuple(np.clip(sent.sum(axis=0), [-128, -128, 0], [127, 127, 255]))
-        start = time.monotonic()
+        times = [time.monotonic()]
         for _ in range(100):
             client.read_distributed_force()
-        # its author measured 176 readings per second on this part
-        assert 100 < 100 / (time.monotonic() - start) < 200
+            times.append(time.monotonic())
+        # its author measured 176 readings per second on this part; a busy machine delays most of ours, not all
+        assert (times[-1] - times[0]) / 100 > 1 / 200
+        assert min(np.diff(times)) < 1 / 100
         client.calibrate()
         assert not any(any(point.as_tuple()) for point in client.read_distributed_force())
 
@@ -171,11 +173,13 @@ def test_a_client_of_the_box_waits_10_ms_for_the_version_and_reads_as_fast_as_us
         assert b"SMALL" in client.ask(box.version_request(), 10e-3).data
         client.ask(box.set_mode_request(5), 10e-3)
         sent = counts_of(chosen, signal).astype(np.uint8).reshape(2, -1)
-        start = time.monotonic()
+        times = [time.monotonic()]
         for _ in range(50):
             for pad, port in enumerate((15, 20)):
                 client.read(box.select_port_request(port), 17)
                 region = box.parse_region(client.read(box.read_request(1038, 360), 360 + 23).data)
                 assert region.payload == sent[pad].tobytes()
-        # 4 to 6 ms on hardware, plus delays of a busy machine; 18 ms at the nominal baud rate
-        assert 4e-3 < (time.monotonic() - start) / 50 < 12e-3
+            times.append(time.monotonic())
+        # 4 to 6 ms on hardware, 18 ms at the nominal baud rate; a busy machine delays most of ours, not all
+        assert (times[-1] - times[0]) / 50 > 4e-3
+        assert min(np.diff(times)) < 12e-3
