@@ -24,7 +24,7 @@ from paxisim.diagnose.squares import Squares, best_start
 from paxisim.diagnose.vocabulary import cause
 from paxisim.recording import Recording
 
-SETS = (("creep",), ("stiffening", "rotation"), ("hysteresis", "crosstalk", "latency"))
+SETS = (("creep",), ("stiffening", "rotation"), ("hysteresis", "gel_operator", "latency"))
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: one t
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))  # the generator of hidden effects
 
 import numpy as np
+from hidden.compare import named
 from scipy.stats import binomtest
 
 import paxisim
@@ -55,7 +56,7 @@ class Outcome:
         kind: Kind of the case, for the table.
         true: The hidden causes.
         verdict: The verdict, as in `paxisim.diagnose.Diagnosis`; ``refused`` or ``crashed`` if there is none.
-        named: Named causes, each with its rivals.
+        named: Named causes or their parts, each with its rivals; see `hidden.compare.named`.
         said: Warnings and left-over structure; the error if the recording was refused or the diagnosis crashed.
         seconds: Duration of the diagnosis.
         memory: Peak memory of the process so far (GB).
@@ -135,11 +136,11 @@ def diagnosed(
         return outcome("refused", {}, [str(error)]), None
     except Exception:
         return outcome("crashed", {}, [traceback.format_exc(limit=-4)]), None
-    named = {cause.name: cause.rivals for cause in found.causes}
+    names = {name: cause.rivals for name, cause in named(found).items()}
     said = (*found.symptoms.warnings, *(item.what for item in found.symptoms.left_over))
     explained = found.heldout.explained.value if found.heldout.explained else None
     ceiling = found.heldout.ceiling_explained
-    return outcome(found.verdict, named, said, explained=explained, ceiling=ceiling), found
+    return outcome(found.verdict, names, said, explained=explained, ceiling=ceiling), found
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

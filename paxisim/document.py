@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -125,12 +125,15 @@ def built(kind: Any, document: Any) -> Any:
         document: The parsed JSON.
 
     Raises:
-        KeyError: A field is missing.
+        KeyError: A field without a default is missing.
         TypeError: A field is not an object, a list, a number or a text where one was expected.
     """
     if is_dataclass(kind):
         hints = get_type_hints(kind)
-        return kind(**{f.name: built(hints[f.name], document[f.name]) for f in fields(kind)})  # type: ignore[operator]
+        given = [
+            f for f in fields(kind) if f.name in document or (f.default is MISSING and f.default_factory is MISSING)
+        ]
+        return kind(**{f.name: built(hints[f.name], document[f.name]) for f in given})  # type: ignore[operator]
     if kind is float:  # `finite` writes null for NaN
         if document is not None and type(document) not in (int, float):
             raise TypeError(f"expected a number, got {document!r:.60}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from harness import Outcome, diagnosed
 from hidden.cases import Case, make
-from hidden.compare import compare, headroom_share
+from hidden.compare import compare, headroom_share, named
 from hidden.effects import EFFECTS
 from hidden.outsiders import FURTHER, LEARNT, OUTSIDERS
 
@@ -91,6 +91,6 @@ def solve(task: Task) -> Outcome:
     outcome.about.update(signal=case.signal, weakest=min(case.signals.values(), default=case.signal))
     if found is not None:
         outcome.about["share"] = headroom_share(case, found.heldout.nrmse_before, found.heldout.nrmse_after)
-        named = [cause.name for cause in found.causes if cause.name in case.causes and case.ideal is not None]
-        outcome.about["errors"] = {name: compare(name, case, found.model[name].run) for name in named}
+        right = {name: cause for name, cause in named(found).items() if name in case.causes and case.ideal is not None}
+        outcome.about["errors"] = {name: compare(name, case, found.model[c.name].run) for name, c in right.items()}
     return outcome

@@ -24,7 +24,7 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "memory": ("creep", "hysteresis"),
     "time": ("latency", "low_pass"),
     "axes": ("axis_coupling", "rotation"),
-    "neighbours": ("crosstalk", "poisson"),
+    "neighbours": ("crosstalk", "poisson", "shear along shear", "normal from shear"),
     "order": ("layout",),
     "dead": ("dead_taxels",),
     "rounding": ("quantisation",),

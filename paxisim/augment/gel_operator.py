@@ -20,6 +20,10 @@ DISTANCES = {2: (1.0, math.sqrt(2), 2.0), 5: (1.0, math.sqrt(2), 2.0, math.sqrt(
 """Distances (pitches) of the values of one ring (2 values) and of two rings (5), and where the last falls to zero."""
 KINDS = ("shear", "along", "poisson", "lift", "normal")
 """What a neighbour's load causes, each with a value for every distance."""
+SKEWED = ("shear_skew", "poisson_skew")
+"""Half the differences of `shear` and of `poisson` between x and y."""
+LOST = ("shear", "shear_skew", "normal")
+"""Kinds by which a neighbour reads a load on the same axis, of which the loaded taxel may lose as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,9 @@ class GelOperator(Transform):
     - ``along`` and ``shear``: shear from a neighbour's shear, most of it along the line between the two.
     - ``lift``: normal force from a neighbour's shear.
 
+    A sensor whose x and y differ, or the paper's Poisson effect with two strengths, also has ``shear_skew`` and
+    ``poisson_skew``: what is added to the reading of x and subtracted from that of y.
+
     The values are given at the distances of a grid's neighbours: M = 2 at 1 and sqrt(2) pitches, M = 5 also at 2,
     sqrt(5) and sqrt(8); M = 1 is one value at all distances. In between they are interpolated linearly, and from the
     last they fall to zero at the next distance of a grid. Off the grid, distances and directions are those of the
@@ -57,6 +64,10 @@ class GelOperator(Transform):
         poisson: ``(..., M)`` shear away from a neighbour by its normal force.
         lift: ``(..., M)`` normal force by a neighbour's shear towards the taxel.
         normal: ``(..., M)`` normal force by a neighbour's normal force.
+        shear_skew: ``(..., M)`` half the difference of `shear` between x and y.
+        poisson_skew: ``(..., M)`` half the difference of `poisson` between x and y.
+        taken: ``(...)`` share of what its neighbours read on the same axis (`shear` and `normal`) that a taxel itself
+            does not read: 0 if it was calibrated alone, 1 under flat presses. Taxels at the edge lose less.
         layout: Layout of the taxels, if they are not on a grid. On a grid, neighbours are one pitch apart along both
             axes.
 
@@ -73,6 +84,9 @@ class GelOperator(Transform):
     poisson: Any = parameter((0.0,), "m", low=-2.0, high=2.0, typical=(0.1, 0.4))
     lift: Any = parameter((0.0,), "m", low=-2.0, high=2.0, typical=(-0.2, 0.0))
     normal: Any = parameter((0.0,), "m", low=-2.0, high=2.0, typical=(-0.1, 0.1))
+    shear_skew: Any = parameter((0.0,), "m", low=-2.0, high=2.0, typical=(-0.05, 0.05))
+    poisson_skew: Any = parameter((0.0,), "m", low=-2.0, high=2.0, typical=(-0.1, 0.1))
+    taken: Any = parameter(0.0, low=0.0, high=1.0, typical=(0.0, 1.0))
     layout: TaxelLayout | None = None
 
     # set on each instance, but not fields
@@ -82,11 +96,12 @@ class GelOperator(Transform):
     def __post_init__(self) -> None:
         """Check the fields."""
         super().__post_init__()
-        counts = {np.shape(getattr(self, kind))[-1] for kind in KINDS} - {1}
+        kinds = (*KINDS, *SKEWED)
+        counts = {np.shape(getattr(self, kind))[-1] for kind in kinds} - {1}
         if len(counts) > 1 or not counts <= DISTANCES.keys():
             raise InvalidValueError(
                 "GelOperator: each kind needs values for the same 2 or 5 distances, or one value, got "
-                + ", ".join(f"{kind} {tuple(np.shape(getattr(self, kind)))}" for kind in KINDS)
+                + ", ".join(f"{kind} {tuple(np.shape(getattr(self, kind)))}" for kind in kinds)
             )
         on_grid = self.layout is None or self.layout.is_grid
         object.__setattr__(self, "_positions", None if on_grid else layout_text(self.layout))  # type: ignore[arg-type]
@@ -101,7 +116,7 @@ class GelOperator(Transform):
         rings: int = 1,
         layout: TaxelLayout | None = None,
     ) -> GelOperator:
-        """Return the operator that turns forces into readings with the least squared error.
+        """Return the operator without skew that turns forces into readings with the least squared error.
 
         Args:
             force: ``(..., 3, rows, cols)`` forces on the taxels (N).
@@ -126,7 +141,7 @@ class GelOperator(Transform):
         off_grid = None if layout is None or layout.is_grid else layout
         positions = None if off_grid is None else layout_text(off_grid)
         rows, cols = force.shape[-2:]
-        basis = operator_basis(rows, cols, distances, positions)
+        basis = operator_basis(rows, cols, distances, positions)[: 2 + len(KINDS) * distances]
         flat, added = force.reshape(-1, basis.shape[1]), (reading - force).reshape(-1, basis.shape[1])
         # normal equations, as the columns of all frames together would not fit into memory
         moments, towards = flat.T @ flat, flat.T @ added
@@ -145,11 +160,14 @@ class GelOperator(Transform):
             raise InvalidValueError(
                 f"GelOperator: layout has {self.layout.rows}x{self.layout.cols} taxels, the tensor {rows}x{cols}"
             )
-        own = [self.broadcast_parameter(name, x)[..., 0, 0, 0] for name in ("own_shear", "own_normal")]
-        kinds = [self.broadcast_parameter(kind, each_mode(x))[..., 0, 0, 0, 0] for kind in KINDS]
-        batch = xp.broadcast_arrays(*(part[..., 0] for part in (*own, *kinds)))[0].shape
-        lengths = (1, 1, *[self._distances] * len(KINDS))
-        parts = [xp.broadcast_to(part, (*batch, length)) for part, length in zip((*own, *kinds), lengths, strict=True)]
+        own = [self.broadcast_parameter(name, x)[..., 0, 0, 0] for name in ("own_shear", "own_normal", "taken")]
+        names = (*KINDS, *SKEWED)
+        kinds = [self.broadcast_parameter(kind, each_mode(x))[..., 0, 0, 0, 0] for kind in names]
+        lost = [own[2] * kinds[names.index(kind)] for kind in LOST]
+        numbers = (*own[:2], *kinds, *lost)
+        batch = xp.broadcast_arrays(*(part[..., 0] for part in numbers))[0].shape
+        lengths = (1, 1, *[self._distances] * (len(kinds) + len(lost)))
+        parts = [xp.broadcast_to(part, (*batch, length)) for part, length in zip(numbers, lengths, strict=True)]
         values = xp.concat(parts, axis=-1)
         basis = constant(operator_basis, (rows, cols, self._distances, self._positions), x)
         count, size = basis.shape[0], basis.shape[1]
@@ -173,8 +191,9 @@ def operator_basis(rows: int, cols: int, distances: int, positions: str | None =
         positions: `layout_text` of a layout that is not a grid.
 
     Returns:
-        ``(numbers, 3 N, 3 N)``: own_shear, own_normal, then the values of each of `KINDS` by distance. Rows are forces,
-        columns readings, both with components before taxels as in the tensor.
+        ``(numbers, 3 N, 3 N)``: own_shear, own_normal, then the values of each of `KINDS` and `SKEWED` by distance,
+        then what the loaded taxel loses by each of `LOST`. Rows are forces, columns readings, both with components
+        before taxels as in the tensor.
     """
     layout = TaxelLayout(rows, cols, (1.0, 1.0)) if positions is None else read_layout(positions)
     pitch = np.array([layout.pitch[1], layout.pitch[0], math.sqrt(layout.pitch[0] * layout.pitch[1])])
@@ -186,9 +205,11 @@ def operator_basis(rows: int, cols: int, distances: int, positions: str | None =
     weights = _hats(distance, DISTANCES[distances])  # (distances, j, i)
     # [force component, reading component, j, i] in the frames of the taxels
     alone = np.eye(count)
-    local = np.zeros((2 + len(KINDS) * distances, 3, 3, count, count))
+    local = np.zeros((2 + (len(KINDS) + len(SKEWED) + len(LOST)) * distances, 3, 3, count, count))
     local[0, 0, 0] = local[0, 1, 1] = local[1, 2, 2] = alone
-    shear, along, poisson, lift, normal = local[2:].reshape(len(KINDS), distances, *local.shape[1:])
+    shear, along, poisson, lift, normal, *skewed, shear_lost, skew_lost, normal_lost = local[2:].reshape(
+        -1, distances, *local.shape[1:]
+    )
     shear[:, 0, 0] = shear[:, 1, 1] = weights
     normal[:, 2, 2] = weights
     for a in range(2):
@@ -196,6 +217,10 @@ def operator_basis(rows: int, cols: int, distances: int, positions: str | None =
         lift[:, a, 2] = weights * to_j[..., a]
         for b in range(2):
             along[:, a, b] = weights * to_j[..., a] * to_i[..., b]
+    for skew, kind in zip(skewed, (shear, poisson), strict=True):
+        skew[:, :, 0], skew[:, :, 1] = kind[:, :, 0], -kind[:, :, 1]
+    for lost, kind in zip((shear_lost, skew_lost, normal_lost), (shear, skewed[0], normal), strict=True):
+        lost[:] = -kind.sum(axis=-1, keepdims=True) * alone
     matrices = np.einsum("jpa,nabji,iqb->npjqi", frames, local, frames)
     return matrices.reshape(len(local), 3 * count, 3 * count)
 

@@ -55,8 +55,8 @@ def diagnose(
         scene: Scene file, .toml, as for `paxisim replay`.
         causes: Causes to search for, separated by commas; default: all.
             Sensor causes: axis_gain, taxel_gain, offset, drift,
-            stiffening, poisson, crosstalk, axis_coupling,
-            rotation, layout, creep, hysteresis, low_pass,
+            stiffening, gel_operator, axis_coupling, rotation,
+            layout, creep, hysteresis, low_pass,
             latency, saturation, dead_band, quantisation,
             dead_taxels, swapped_taxels, interference,
             channel_curve.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,21 @@ class Gauge:
         """Its parameters: one for all axes, or one for normal force and one for shear."""
         names = (self.name, f"{self.name}_shear") if self.by_axis else (self.name,)
         return tuple(Free(name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.words) for name in names)
+
+
+@dataclass(frozen=True)
+class CausePart:
+    """A part of a cause that is reported with its own gain, and left out of the model if it gains too little.
+
+    Attributes:
+        name: Name in reports.
+        parameters: Names of its parameters. Parameters that no part lists belong to the whole cause.
+        words: Explanation in a few words.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +173,7 @@ class Cause:
         free: Function that returns the parameters to fit, given the problem.
         starts: Function that returns starting values of the fit, one set for each form that the effect may take.
             Together they should span the effect while it is small, because candidates are ranked by them.
+        parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
         gauge: Gain that the calibration convention adds, if any.
         change: For a cause inside the scene: function that returns the change of the simulated force (N). It replaces
             the transform.
@@ -187,6 +204,7 @@ class Cause:
     excites: str = "varied"
     free: Callable[[Problem], tuple[Free, ...]] = _nothing
     starts: Callable[[Problem], Sequence[Values]] = _no_starts
+    parts: tuple[CausePart, ...] = ()
     gauge: Gauge | None = None
     change: Callable[[Values, Problem], FloatArray] | None = None
     local: Local | None = None
@@ -250,6 +268,43 @@ class Cause:
         if self.gauge is None:
             return starts
         return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
+
+    def lacking(self, part: CausePart) -> Cause:
+        """The cause without one of its parts, whose parameters stay neutral."""
+        whole = self
+
+        def free(problem: Problem) -> tuple[Free, ...]:
+            return tuple(f for f in whole.free(problem) if f.name not in part.parameters)
+
+        def filled(values: Values, problem: Problem) -> list[float]:
+            own = iter(values)
+            return [f.neutral if f.name in part.parameters else float(next(own)) for f in whole.free(problem)]
+
+        def starts(problem: Problem) -> list[Values]:
+            kept = [f.name not in part.parameters for f in whole.free(problem)]
+            shortened = [tuple(compress(start, kept)) for start in whole.starts(problem)]
+            about = free(problem)
+            return [
+                start
+                for start in shortened
+                if any(f.material and value != f.neutral for f, value in zip(about, start, strict=True))
+            ]
+
+        size = whole.size
+        return replace(
+            self,
+            free=free,
+            starts=starts,
+            make=lambda values, problem: whole.make(filled(values, problem), problem),
+            size=None if size is None else lambda values, problem: size(filled(values, problem), problem),
+            parts=tuple(other for other in self.parts if other is not part),
+        )
+
+    def amount_of(self, part: CausePart, values: Values, problem: Problem) -> float:
+        """Size of one part of the values, in units of the smallest size of interest."""
+        about = self.free(problem)
+        alone = [float(v) if f.name in part.parameters else f.neutral for f, v in zip(about, values, strict=False)]
+        return self.amount(np.array(alone), problem)
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
         """Size of the values, in units of the smallest size of interest."""

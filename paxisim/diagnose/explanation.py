@@ -9,7 +9,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import Cause
+from paxisim.diagnose.cause import Cause, CausePart
 from paxisim.diagnose.causes import CAUSES
 from paxisim.diagnose.fitting import Fit, Part, with_curves
 from paxisim.diagnose.folds import Folds
@@ -173,6 +173,16 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
             continue
         prediction = heldout_of(found.problem, found.folds, _refitted_without(found, named), jobs)
         out[named.name] = found.problem, found.off.with_dead(prediction)
+    return out
+
+
+def without_each_part(found: Explanation, named: Named, jobs: int = 1) -> dict[CausePart, FloatArray]:
+    """By part of a cause with several, the held-out prediction of the model refitted without the part."""
+    out = {}
+    for part in named.cause.parts if len(named.cause.parts) > 1 else ():
+        start = found.fit.lacking(named.name, part, found.problem)
+        fit = found.search.exact(found.search.fitter.fit(start.causes, start, found.fit.constant))
+        out[part] = found.off.with_dead(heldout_of(found.problem, found.folds, fit, jobs))
     return out
 
 

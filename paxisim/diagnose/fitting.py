@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause, courses_of
+from paxisim.diagnose.cause import Cause, CausePart, courses_of
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.model import Fitted, Model
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -79,6 +79,14 @@ class Fit:
     def names(self) -> tuple[str, ...]:
         """Names of the causes."""
         return tuple(item.name for item in self.causes)
+
+    def lacking(self, name: str, part: CausePart, problem: Problem) -> Fit:
+        """The same without a part of one of the causes, as a start for a fit without that part."""
+        free = next(item for item in self.causes if item.name == name).parameters(problem)
+        kept = np.array([about.name not in part.parameters for about in free])
+        causes = tuple(item.lacking(part) if item.name == name else item for item in self.causes)
+        values = {**self.whole.values, name: self.whole.values[name][kept]}
+        return replace(self, causes=causes, whole=replace(self.whole, values=values))
 
 
 class Fitter:

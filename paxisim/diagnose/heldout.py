@@ -5,14 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.stats import bootstrap
 
+from paxisim.diagnose.cause import CausePart
 from paxisim.diagnose.diagnosis import HeldOut, Interval
-from paxisim.diagnose.explanation import Explanation, without_each
+from paxisim.diagnose.explanation import Explanation, Named, without_each, without_each_part
 from paxisim.diagnose.problem import FloatArray, Problem, showing
+
+K = TypeVar("K")
 
 RESAMPLES = 400  # bootstrap resamples
 CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
@@ -70,6 +73,18 @@ def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
         source,
         found.folds.split,
     )
+
+
+def part_gains(
+    found: Explanation, squares: SquaredErrors, named: Named, seed: int, jobs: int = 1
+) -> dict[CausePart, Interval]:
+    """Share of the explainable error that each part of a cause removes; see `gains_of`."""
+    problem = found.off.judged
+    without = {
+        part: _squares(problem, problem.measured - problem.read(prediction))
+        for part, prediction in without_each_part(found, named, jobs).items()
+    }
+    return _shares(squares, without, seed)
 
 
 def _squares(problem: Problem, values: FloatArray) -> FloatArray:
@@ -155,9 +170,13 @@ def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
 
     If the error does not exceed the noise floor, it is the share of the whole error.
     """
+    return _shares(squares, squares.without, seed)
+
+
+def _shares(squares: SquaredErrors, without: Mapping[K, FloatArray], seed: int) -> dict[K, Interval]:
     above = squares.room.sum() > MIN_EXPLAINABLE * squares.floor.sum()
     room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
-    return {name: share_of(without - squares.after, room, seed) for name, without in squares.without.items()}
+    return {key: share_of(own - squares.after, room, seed) for key, own in without.items()}
 
 
 def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:

@@ -24,6 +24,7 @@ from paxisim.diagnose.inside.responses import Responses
 from paxisim.diagnose.noise import FloatArray, Tolerance, noise_of, step_of, tolerated
 from paxisim.diagnose.pieces import Pieces, in_one_piece
 from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 from paxisim.scene.encoder import EncoderError
@@ -73,6 +74,7 @@ class Problem:
         scene: Effects of scene changes on the simulated stream; None if the scene is not known.
         excused: Energy of tolerated replay errors in that scene, per compared value, in units of the noise.
         pads: Names of the pads, if known.
+        layout: Layout of the taxels.
     """
 
     measured: FloatArray
@@ -101,6 +103,12 @@ class Problem:
     scene: Responses | None = None
     excused: float = 0.0
     pads: tuple[str, ...] = ()
+    layout: TaxelLayout | None = None
+
+    @property
+    def off_grid(self) -> TaxelLayout | None:
+        """The layout of taxels that are not on a grid; None for a grid."""
+        return None if self.layout is None or self.layout.is_grid else self.layout
 
     @cached_property
     def weight(self) -> FloatArray:
@@ -460,7 +468,7 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
         least=min(float(simulated.min()), 0.0), phase=phase, peaks=_peaks_of(simulated, peak), directions=directions,
         calibrated="readout" in recording.metadata, aligned="clocks_aligned_by" in recording.metadata,
         tolerance=replace(tolerance or Tolerance(), encoder=EncoderError.told_by(recording)),
-        scene=scene, pads=recording.pads,
+        scene=scene, pads=recording.pads, layout=recording.layout,
     )  # fmt: skip
     return with_noise(problem)
 

@@ -11,10 +11,10 @@ import numpy as np
 from paxisim.diagnose.advice import advice
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.ceiling import ceiling
-from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, LeftOver, Verdict
-from paxisim.diagnose.explanation import Explanation
+from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, FoundPart, Interval, LeftOver, Verdict
+from paxisim.diagnose.explanation import Explanation, Named
 from paxisim.diagnose.folds import effects
-from paxisim.diagnose.heldout import SquaredErrors, figures, gains_of, survives
+from paxisim.diagnose.heldout import SquaredErrors, figures, gains_of, part_gains, survives
 from paxisim.diagnose.inside.rounds import in_scene
 from paxisim.diagnose.intervals import model_intervals, parameters_of
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -83,7 +83,7 @@ def _told(
     black, missing = _ceiling(off.judged, raw.simulated, seed, jobs)
 
     tell("looking for rivals", 0.9)
-    named, short = _named(found, squares, seed)
+    named, short = _named(found, squares, seed, jobs)
     doubts = (*done.unsettled, *it.structure, *short.values())
     untestable = {**done.not_searched, **_not_excited(found, done.wanted)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in named}}
@@ -127,7 +127,9 @@ def _check(causes: Sequence[str] | None, scene: Scene | None, seed: int, jobs: i
         raise InvalidValueError(f"scene must be a paxisim.Scene, got {type(scene).__name__}: Scene.load reads a file")
 
 
-def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple[FoundCause, ...], dict[str, LeftOver]]:
+def _named(
+    found: Explanation, squares: SquaredErrors, seed: int, jobs: int
+) -> tuple[tuple[FoundCause, ...], dict[str, LeftOver]]:
     """The named causes, largest gain first, and near misses by name."""
     gains = gains_of(squares, seed)
     search = found.search
@@ -141,6 +143,7 @@ def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple
             gains[named.name],
             rivals[named.name],
             evidence(found.problem, named, squares.without[named.name] - squares.after, gains[named.name]),
+            _parts(found, squares, named, gains[named.name], seed, jobs),
         )
         for named in found.named
     ]
@@ -148,6 +151,15 @@ def _named(found: Explanation, squares: SquaredErrors, seed: int) -> tuple[tuple
     shares = search.near_misses(found.chosen) if found.fitted else {}
     short = near_misses({n: s for n, s in shares.items() if n not in rivalling}, search.rules.near_miss)
     return tuple(sorted(causes, key=lambda c: -c.gain.value)), short
+
+
+def _parts(
+    found: Explanation, squares: SquaredErrors, named: Named, whole: Interval, seed: int, jobs: int
+) -> tuple[FoundPart, ...]:
+    """The parts of a cause with their gains, largest first; a single part has the gain of the whole."""
+    gains = dict.fromkeys(named.cause.parts, whole) | part_gains(found, squares, named, seed, jobs)
+    parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]
+    return tuple(sorted(parts, key=lambda part: -part.gain.value))
 
 
 def _verdict(named: Sequence[FoundCause], doubts: bool, one: bool, shifted: bool) -> Verdict:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause, courses_of
+from paxisim.diagnose.cause import Cause, CausePart, courses_of
 from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.folds import Folds
 from paxisim.diagnose.problem import FloatArray, Problem
@@ -81,7 +81,45 @@ class Search:
             # a zero offset visible only under load absorbs other effects, so it must be worth its price, too
             bare = self._climbed(tuple(n for n in nuisances if self.causes[n].tacit))
             found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
-        return found
+        return self._climbed(found) if self._pruned(found) else found
+
+    def _pruned(self, chosen: tuple[str, ...]) -> bool:
+        """Leave out the parts of the chosen causes that gain too little; return whether there were any."""
+        pruned = False
+        while failed := [e for n in chosen for e in self.evidence_of_parts(chosen, n) if not e.kept]:
+            weakest = min(failed, key=lambda e: e.share).name
+            name, part = next((n, p) for n in chosen for p in self.causes[n].parts if p.name == weakest)
+            self._replace(self.causes[name].lacking(part))
+            pruned = True
+        return pruned
+
+    def evidence_of_parts(self, chosen: Sequence[str], name: str) -> list[Evidence]:
+        """Test each part of a cause of a set: the model compared with the model refitted without the part."""
+        item, fit = self.causes[name], self.fit(chosen)
+        needed = self.material + sum(self.causes[n].misfit * e for n, e in fit.effects.items() if n != name)
+        out = []
+        for part in item.parts if len(item.parts) > 1 else ():
+            amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
+            gain = self.lacking(chosen, name, part).heldout - fit.heldout
+            out.append(Evidence(part.name, gain, needed, amount, self._passes(gain, needed, amount)))
+        return out
+
+    def lacking(self, chosen: Sequence[str], name: str, part: CausePart) -> Fit:
+        """The fit of a set without a part of one of its causes."""
+        start = self.fit(chosen).lacking(name, part, self.problem)
+        return self.fitter.fit(start.causes, start)
+
+    def _replace(self, item: Cause) -> None:
+        """Replace a cause, and forget the fits that contain it."""
+        self.causes[item.name] = item
+        for cache in (self._fits, self._bare, self._rankings):
+            for key in [key for key in cache if item.name in key]:
+                del cache[key]
+
+    def _passes(self, gain: FloatArray, needed: float, amount: float) -> bool:
+        total = float(gain.sum())
+        z_score = total / max(float(np.linalg.norm(self.folds.independent(gain))), 1e-12)
+        return total > needed and z_score >= self.rules.consistency and amount >= 1
 
     def _climbed(self, chosen: tuple[str, ...]) -> tuple[str, ...]:
         """The set reached by adding, exchanging and dropping causes until nothing improves."""
@@ -139,11 +177,7 @@ class Search:
         amount = np.inf
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)
-        total = float(gain.sum())
-        apart = self.folds.independent(gain)
-        z_score = total / max(float(np.linalg.norm(apart)), 1e-12)
-        kept = total > needed and z_score >= self.rules.consistency and amount >= 1
-        return Evidence(name, gain, needed, amount, kept)
+        return Evidence(name, gain, needed, amount, self._passes(gain, needed, amount))
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
         """Linearised gain and name of each cause that could be added to a set, largest first."""

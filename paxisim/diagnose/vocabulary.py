@@ -34,7 +34,9 @@ def cause(name: str) -> Cause:
     for item in _all():
         if item.name == name:
             return item
-    raise UnknownNameError("cause", name, known_causes(), "if it is your own, import its module first")
+    whole = next((item.name for item in _all() for part in item.parts if part.name.lower().startswith(name)), "")
+    advice = f"it is a part of {whole}" if whole else "if it is your own, import its module first"
+    raise UnknownNameError("cause", name, known_causes(), advice)
 
 
 def _all() -> list[Cause]:

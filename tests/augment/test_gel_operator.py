@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paxisim
-from paxisim.augment import GelOperator, Poisson
+from paxisim.augment import Crosstalk, GelOperator, Poisson
 from paxisim.augment.parameter_spec import parameters
 from paxisim.errors import InvalidValueError
 
@@ -40,9 +40,28 @@ def test_it_has_no_preferred_direction(operator, moved):
 
 def test_one_of_its_kinds_is_the_paper_s_operator():
     far = np.exp(1 - np.sqrt(2))
-    one_side = 1 + 2 * far / np.sqrt(2)
-    ours = GelOperator(poisson=(0.2 / one_side, 0.2 * far / one_side))
-    np.testing.assert_allclose(ours(forces()), Poisson(0.2, 0.2)(forces()), atol=1e-12)
+    profile = np.array([1, far]) / (1 + 2 * far / np.sqrt(2))
+    ours = GelOperator(poisson=0.2 * profile, poisson_skew=0.1 * profile)
+    np.testing.assert_allclose(ours(forces()), Poisson(0.3, 0.1)(forces()), atol=1e-12)
+
+
+def test_two_of_its_kinds_are_crosstalk_with_its_nearest_neighbours():
+    profile = np.array([1, np.exp((1 - np.sqrt(2)) / 0.5)])
+    ours = GelOperator(shear=0.05 * profile, shear_skew=0.02 * profile, normal=0.03 * profile)
+    force = np.zeros((1, 3, ROWS, COLS))
+    force[..., 2, 2] = 1.0
+    near = (..., slice(1, 4), slice(1, 4))
+    np.testing.assert_allclose(ours(force)[near], Crosstalk((0.07, 0.03, 0.03), length=0.5, taken=0.0)(force)[near])
+
+
+def test_what_neighbours_take_is_lost_also_at_the_edge():
+    operator = GelOperator(shear=(0.05, 0.02), normal=(0.03, 0.01), taken=1.0)
+    even = np.ones((1, 3, ROWS, COLS))
+    np.testing.assert_allclose(operator(even), even, atol=1e-12)
+    force = forces()
+    np.testing.assert_allclose(operator(force).sum(axis=(2, 3)), force.sum(axis=(2, 3)), atol=1e-12)
+    kept = GelOperator(shear=(0.05, 0.02), normal=(0.03, 0.01))
+    np.testing.assert_allclose(kept(even)[0, 2, 0, 0], 1 + 2 * 0.03 + 0.01)
 
 
 def test_a_neighbour_s_shear_counts_along_the_line_between_them():

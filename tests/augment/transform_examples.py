@@ -71,7 +71,7 @@ def examples(seed: int) -> dict[str, Transform]:
         augment.FailingTaxels(**faults, since=rng.uniform(-0.1, 0.2, FRAME)),
         augment.Firmware(rng.uniform(0.05, 0.2), 16.0, 31.0, 2.0),
         augment.GelOperator(
-            rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.1), *(rng.uniform(-0.3, 0.3, 2) for _ in range(5))
+            rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.1), *(rng.uniform(-0.3, 0.3, 2) for _ in range(7)), taken=0.4
         ),
         augment.Hysteresis(rng.uniform(0.1, 0.3, 3), rng.uniform(0.1, 1, 3)),
         augment.Interference(rng.uniform(-6, 6, (PADS, 3)), rng.uniform(-75, 75, (PADS, 3))),

@@ -13,6 +13,7 @@ from paxisim.recording import Recording
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hidden.cases import make
+from hidden.compare import named
 from hidden.effects import EFFECTS
 from hidden.outsiders import LEARNT, OUTSIDERS
 
@@ -59,5 +60,5 @@ def diagnosed(recording, causes=None, **arguments):
 
 
 def names(diagnosis):
-    """Return the names of the named causes, largest gain first."""
-    return [cause.name for cause in diagnosis.causes]
+    """Return the names of the named causes, or of their parts, largest gain first; see `hidden.compare.named`."""
+    return list(named(diagnosis))

@@ -71,7 +71,7 @@ def test_a_press_beside_its_place_is_no_cause():
     own = recording.episode == hardest
     moved = 0.9 * recording.simulated[own] + 0.1 * np.roll(recording.simulated[own], 1, axis=4)
     recording.measured[own] += moved - recording.simulated[own]
-    assert names(diagnosed(recording, ("taxel_gain", "crosstalk", "creep", "axis_gain", "hysteresis"))) == []
+    assert names(diagnosed(recording, ("taxel_gain", "gel_operator", "creep", "axis_gain", "hysteresis"))) == []
 
 
 @pytest.mark.parametrize("name", ["offset", "drift"])

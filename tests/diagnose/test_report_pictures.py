@@ -122,8 +122,7 @@ def test_any_layout_can_be_drawn(rows, cols, pads, layout):
     measured = 1.1 * simulated + 0.02 * rng.standard_normal(simulated.shape)
     own = Recording(time, measured, simulated, episode=(time > 6).astype(int), layout=layout)
     transforms = {
-        "poisson": augment.Poisson(0.2, 0.2),
-        "crosstalk": augment.Crosstalk(0.05, length=1.0),
+        "gel_operator": augment.GelOperator(poisson=(0.2, 0.1), normal=(0.05, 0.0), layout=layout),
         "rotation": augment.Rotation(((0.1, 0.0, 0.2),)),
         "offset": augment.Offset(rng.normal(0, 0.1, simulated.shape[1:])),
     }
@@ -134,7 +133,7 @@ def test_any_layout_can_be_drawn(rows, cols, pads, layout):
     found = Diagnosis("explained", causes, heldout, {}, {}, Symptoms(), (), chain, streams=streams)
     pictures = pictures_of(found.report())
     check_pictures(pictures)
-    assert len(pictures) == 3 + 2 + 2 * 4 + 2
+    assert len(pictures) == 3 + 2 + 2 * 3 + 2
 
 
 def test_effects_are_with_and_without_and_drift_goes_on(given):

@@ -14,7 +14,7 @@ SCENE = {
     "joint_offset",
 }  # fmt: skip
 VOCABULARY = {
-    "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "poisson", "crosstalk", "axis_coupling", "rotation",
+    "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "gel_operator", "axis_coupling", "rotation",
     "layout", "creep", "hysteresis", "low_pass", "latency", "saturation", "dead_band", "quantisation", "dead_taxels",
     "interference", "channel_curve", "swapped_taxels",
 } | SCENE  # fmt: skip

@@ -10,7 +10,21 @@ import numpy as np
 
 from hidden.effects import DT, Episode
 
+PARTS = {"Poisson effect": "poisson", "crosstalk": "crosstalk"}
+"""Hidden effects that a diagnosis reports as parts of the cause `gel_operator`."""
 LITTLE = 0.02  # smallest headroom, relative to the floor, for which a share is computed
+
+
+def named(diagnosis):
+    """Return the named causes by the names of hidden effects, each with its cause, largest gain first.
+
+    A part of a cause counts as a cause. A part that is no hidden effect keeps its own name.
+    """
+    return {
+        name: cause
+        for cause in diagnosis.causes
+        for name in ([PARTS.get(part.name, part.name) for part in cause.parts] or [cause.name])
+    }
 
 
 def compare(name, case, run):

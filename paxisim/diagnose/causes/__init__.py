@@ -5,17 +5,16 @@ from paxisim.diagnose.causes.axis_coupling import AXIS_COUPLING
 from paxisim.diagnose.causes.axis_gain import AXIS_GAIN
 from paxisim.diagnose.causes.channel_curve import CHANNEL_CURVE
 from paxisim.diagnose.causes.creep import CREEP
-from paxisim.diagnose.causes.crosstalk import CROSSTALK
 from paxisim.diagnose.causes.dead_band import DEAD_BAND
 from paxisim.diagnose.causes.dead_taxels import DEAD_TAXELS
 from paxisim.diagnose.causes.drift import DRIFT
+from paxisim.diagnose.causes.gel_operator import GEL_OPERATOR
 from paxisim.diagnose.causes.hysteresis import HYSTERESIS
 from paxisim.diagnose.causes.interference import INTERFERENCE
 from paxisim.diagnose.causes.latency import LATENCY
 from paxisim.diagnose.causes.layout import LAYOUT
 from paxisim.diagnose.causes.low_pass import LOW_PASS
 from paxisim.diagnose.causes.offset import OFFSET
-from paxisim.diagnose.causes.poisson import POISSON
 from paxisim.diagnose.causes.quantisation import QUANTISATION
 from paxisim.diagnose.causes.rotation import ROTATION
 from paxisim.diagnose.causes.saturation import SATURATION
@@ -31,8 +30,7 @@ CAUSES: tuple[Cause, ...] = (
     STIFFENING,
     CREEP,
     HYSTERESIS,
-    POISSON,
-    CROSSTALK,
+    GEL_OPERATOR,
     AXIS_COUPLING,
     ROTATION,
     INTERFERENCE,

@@ -10,8 +10,9 @@ from paxisim.diagnose.report.counts import steps
 from paxisim.diagnose.report.curves import curves, gains, small_forces
 from paxisim.diagnose.report.effect import Effect
 from paxisim.diagnose.report.inside import closing, height_map, mount, slip
+from paxisim.diagnose.report.kernel import kernel
 from paxisim.diagnose.report.loops import loops
-from paxisim.diagnose.report.mixing import axes_mixed, neighbours, outward_shear
+from paxisim.diagnose.report.mixing import axes_mixed
 from paxisim.diagnose.report.plain import plain
 from paxisim.diagnose.report.style import Picture
 from paxisim.diagnose.report.taxels import mapping, silent_map, taxel_map
@@ -27,11 +28,10 @@ PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "gains": gains,
     "height_map": height_map,
     "holds": holds,
+    "kernel": kernel,
     "loops": loops,
     "mapping": mapping,
     "mount": mount,
-    "neighbours": neighbours,
-    "outward_shear": outward_shear,
     "plain": plain,
     "shift": shift,
     "silent_map": silent_map,

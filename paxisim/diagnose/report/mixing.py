@@ -1,4 +1,4 @@
-"""Mixing: pictures of coupling between axes and between neighbouring taxels."""
+"""Mixing: pictures of coupling between axes."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ import numpy as np
 
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
-from paxisim.diagnose.report.maps import draw_map
 from paxisim.diagnose.report.style import (
     AXES,
     EXTENDED,
     INK,
-    MEASURED,
     SIMULATED,
-    WIDTH,
     Picture,
     finish,
     panel,
-    scattered,
 )
 
 
@@ -97,103 +93,4 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
         "Coupling matrix (identity without the cause)",
         f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}.",
         legend=False,
-    )
-
-
-def neighbours(effect: Effect) -> list[Picture]:
-    """Maps of one moment, and the deviation of a taxel against the mean force on its neighbours."""
-    axis = effect.channel[1]
-    near, _ = _around(effect)
-    weight = near / max(int(near.sum()), 1)
-    label = f"mean {AXES[axis]} force on the {int(near.sum())} neighbours, N"
-    return [_moment(effect, shear=False), _beside(effect, axis, weight, label)]
-
-
-def outward_shear(effect: Effect) -> list[Picture]:
-    """Maps of one moment, and the shear of a taxel against the difference in normal force across it."""
-    axis = effect.channel[1]
-    near, away = _around(effect)
-    # a neighbour at smaller x pushes towards larger x
-    weight = np.where(near, -away[:, min(axis, 1)] / np.maximum(np.linalg.norm(away, axis=1), 1e-9) ** 2, 0.0)
-    weight = weight / max(float(np.abs(weight).sum()), 1e-12)
-    label = f"difference in normal force across {AXES[axis]}, N"
-    return [_moment(effect, shear=effect.axes[0][1] < 2), _beside(effect, 2, weight, label)]
-
-
-def _around(effect: Effect) -> tuple[np.ndarray, Series]:
-    """Neighbours of the most affected taxel, ``(taxels,)``, and positions relative to it, ``(taxels, 2)`` m."""
-    layout, (_, _, row, col) = effect.streams.layout, effect.channel
-    where = layout.positions[:, :2]
-    away = where - where[row * layout.cols + col]
-    distance = np.linalg.norm(away, axis=1)
-    return (distance > 1e-9) & (distance < 1.6 * max(layout.pitch)), away
-
-
-def _strongest(effect: Effect, pad: int) -> int:
-    """Index of the sample around which the cause adds most energy to a pad, smoothed over five samples."""
-    adds = np.array([np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2) for t in range(len(effect.model))])
-    return int(np.convolve(adds, np.ones(5), mode="same").argmax())
-
-
-def _moment(effect: Effect, shear: bool) -> Picture:
-    from matplotlib.figure import Figure
-
-    pad = effect.axes[0][0]
-    at = _strongest(effect, pad)
-    around = slice(max(0, at - 2), at + 3)
-    streams, shape = effect.streams, effect.streams.measured.shape[-2:]
-    seen = (streams.measured[around, pad] - effect.without[around, pad]).mean(axis=0, dtype=float)
-    adds = (effect.model[around, pad] - effect.without[around, pad]).mean(axis=0, dtype=float)
-    load = effect.without[around, pad, 2].mean(axis=0, dtype=float)
-    figure = Figure(figsize=(WIDTH, 2.65), layout="constrained")
-    pair = figure.subplots(1, 2)
-    where = streams.layout.positions[:, :2] * 1e3
-    largest = float(np.abs(adds[:2] if shear else adds[2]).max()) or 1.0
-    longest = max(largest, float(np.abs(seen[:2]).max()))
-    for axes, values, title in zip(
-        pair, (seen, adds), ("measured deviation", f"{effect.cause.name} adds"), strict=True
-    ):
-        if shear:
-            draw_map(axes, streams.layout, load, 1.25 * float(np.abs(load).max() or 1.0))
-            arrows = axes.quiver(
-                *where.T, *values[:2].reshape(2, -1), angles="xy", scale_units="xy",
-                scale=longest / (0.85e3 * min(streams.layout.pitch)), width=0.014, zorder=4, clip_on=False,
-                color=MEASURED if axes is pair[0] else EXTENDED,
-            )  # fmt: skip
-            arrows.set_in_layout(False)
-        else:
-            draw_map(axes, streams.layout, values[2].reshape(shape), largest, signed=True)
-        axes.set_title(title, fontsize=8.5, pad=3, color=INK)
-    place = f"{streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s"
-    return finish(
-        figure,
-        f"Shear points away from the contact (up to {largest:.2g} N; shading: normal force)"
-        if shear
-        else f"One moment: deviation of each taxel (full colour: {largest:.2g} N)",
-        f"Maps of {place}: measured force minus force in the model without {effect.cause.name}, and the effect of the "
-        "cause. The two agree.",
-        legend=False,
-    )
-
-
-def _beside(effect: Effect, source: int, weight: Series, label: str) -> Picture:
-    """Deviation on the most affected channel against a weighted mean of the surrounding force on axis `source`."""
-    channel = effect.channel
-    pad, axis, row, col = channel
-    measured, without, model = effect.at(channel)
-    x = effect.without[:, pad, source].reshape(len(without), -1).astype(float) @ weight
-    kept = np.abs(x) > 0.01 * np.abs(x).max()
-    figure, axes = panel()
-    seen, adds = (measured - without)[kept], (model - without)[kept]
-    marks.cloud(axes, x[kept], seen)
-    marks.level(axes)
-    px, adds = scattered(x[kept], adds)
-    axes.plot(px, adds, "o", color=EXTENDED, markersize=2.4, markeredgewidth=0, label=f"with {effect.cause.name}")
-    axes.set_xlabel(label)
-    axes.set_ylabel(f"deviation on {AXES[axis]}, N")
-    return finish(
-        figure,
-        f"Taxel ({row}, {col}) reads its neighbours' load on {AXES[axis]}",
-        f"Measured force on {effect.place(channel)} minus force in the model without {effect.cause.name}, against the "
-        f"load on its neighbours. The points follow those of the model with {effect.cause.name}.",
     )

@@ -11,7 +11,16 @@ from paxisim.diagnose.advice import NOT_ASKED
 from paxisim.diagnose.report.faults import fault_in_words
 
 if TYPE_CHECKING:
-    from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, HeldOut, Interval, Place, Symptoms, Verdict
+    from paxisim.diagnose.diagnosis import (
+        Diagnosis,
+        FittedParameter,
+        FoundCause,
+        HeldOut,
+        Interval,
+        Place,
+        Symptoms,
+        Verdict,
+    )
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
@@ -91,13 +100,25 @@ def _table(diagnosis: Diagnosis) -> list[str]:
         head = f"{cause.name[:15]:<16}{percentage(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
         first, *rest = textwrap.wrap(rivals, TEXT_COLUMNS - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
-        numbers = ", ".join(f"{name} {value}" for name, value in parameters_in_words(cause.parameters))
-        numbers = fault_in_words(diagnosis, cause.name) or numbers
-        lines += _wrap(numbers, "  ")
-        for name, words in meanings(cause.parameters):
+        for part in cause.parts:
+            own = [p for p in cause.parameters if p.name in part.parameters]
+            lines += _wrap(f"{part.name}, {part.words}: explains {percentage(part.gain)}; {_listed(own)}", "  ")
+        rest = outside_parts(cause)
+        lines += _wrap(fault_in_words(diagnosis, cause.name) or _listed(rest), "  ")
+        for name, words in meanings(rest):
             lines += _wrap(f"({name}: {words})", "  ")
         lines += _wrap(cause.evidence, "  ")
     return [*lines, "", *_wrap(EXPLAINS, ""), *_wrap(CONFIDENCE, "")]
+
+
+def outside_parts(cause: FoundCause) -> list[FittedParameter]:
+    """Return the parameters of a cause that belong to none of its parts."""
+    in_parts = {name for part in cause.parts for name in part.parameters}
+    return [p for p in cause.parameters if p.name not in in_parts]
+
+
+def _listed(parameters: Sequence[FittedParameter]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in parameters_in_words(parameters))
 
 
 def percentage(value: Interval) -> str:
