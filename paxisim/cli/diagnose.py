@@ -19,6 +19,7 @@ def diagnose(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
     scene: Path | None = None,
+    sensor: Path | None = None,
     causes: str = "",
     seed: int = 0,
     jobs: int = 1,
@@ -53,6 +54,8 @@ def diagnose(
         recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
         output: Output folder; created if missing, but its parent must exist.
         scene: Scene file, .toml, as for `paxisim replay`.
+        sensor: Model of the sensor known beforehand, .json: the model.json of a diagnosis of the same unit, or a chain
+            of your own. What its gel and magnets do is taken as known.
         causes: Causes to search for, separated by commas; default: all.
             Sensor causes: axis_gain, taxel_gain, offset, drift,
             stiffening, gel_operator, axis_coupling, rotation,
@@ -75,10 +78,12 @@ def diagnose(
     address = _address(ray, jobs, len(recordings))
     if len(recordings) > 1:
         options = ["--causes", causes, "--seed", str(seed)]
+        options += [] if sensor is None else ["--sensor", str(sensor.absolute())]
         options += [] if scene is None else ["--scene", str(scene.absolute())]
         diagnose_each(recordings, output, options, force=force, jobs=jobs, ray=address)
         return
     recording = recordings[0]
+    from paxisim.augment.chain import Chain
     from paxisim.diagnose.run import diagnose as run
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
@@ -88,8 +93,9 @@ def diagnose(
     progress(f"reading {recording}")
     loaded = Recording.load(recording)
     inside = None if scene is None else Scene.load(scene)
+    known = None if sensor is None else Chain.load(sensor)
     with Stages() as stages:
-        found = run(loaded, names, scene=inside, seed=seed, jobs=jobs, progress=stages)
+        found = run(loaded, names, scene=inside, sensor=known, seed=seed, jobs=jobs, progress=stages)
     check_diagnosis_folder(output, force)
     progress("drawing the report")
     found.save(output)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
+    from paxisim.augment.transform import Transform
     from paxisim.diagnose.diagnosis import Diagnosis
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
@@ -31,6 +32,7 @@ class _Callable(ModuleType):
         causes: Sequence[str] | None = None,
         *,
         scene: Scene | None = None,
+        sensor: Transform | None = None,
         seed: int = 0,
         jobs: int = 1,
         progress: Callable[[str, float], None] | None = None,
@@ -39,7 +41,9 @@ class _Callable(ModuleType):
         """See `paxisim.diagnose.run.diagnose`."""
         from paxisim.diagnose.run import diagnose
 
-        return diagnose(recording, causes, scene=scene, seed=seed, jobs=jobs, progress=progress, replays=replays)
+        return diagnose(
+            recording, causes, scene=scene, sensor=sensor, seed=seed, jobs=jobs, progress=progress, replays=replays
+        )
 
 
 sys.modules[__name__].__class__ = _Callable

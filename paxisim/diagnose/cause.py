@@ -284,11 +284,12 @@ class Cause:
             kept = [f.name not in part.parameters for f in whole.free(problem)]
             shortened = [tuple(compress(start, kept)) for start in whole.starts(problem)]
             about = free(problem)
-            return [
+            moved = [
                 start
                 for start in shortened
                 if any(f.material and value != f.neutral for f, value in zip(about, start, strict=True))
             ]
+            return moved or [tuple(f.neutral for f in about)]
 
         size = whole.size
         return replace(

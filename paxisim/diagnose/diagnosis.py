@@ -207,6 +207,7 @@ _PARTS = {
     "advice": tuple[str, ...],
     "scene_values": dict[str, float],
     "clock_shift": float,
+    "known": str,
 }
 """Types of those fields of a diagnosis that JSON represents as they are."""
 
@@ -238,6 +239,9 @@ class Diagnosis(Document):
         streams: Tensors for the pictures of the report; None if the diagnosis was loaded from a file.
         clock_shift: Time (s) by which the measured stream lagged the simulated one before their clocks were aligned; 0
             if the clocks agree.
+        known: Which part of a given sensor model was taken as known, as a sentence; empty if none was given. The model
+            then begins with it, as the member ``known_sensor``, and the errors before the correction are those of the
+            simulation seen through it.
     """
 
     verdict: Verdict
@@ -253,6 +257,7 @@ class Diagnosis(Document):
     scene_values: Mapping[str, float] = field(default_factory=dict)
     streams: Streams | None = field(default=None, repr=False, compare=False)
     clock_shift: float = 0.0
+    known: str = ""
 
     FORMAT = "paxisim-diagnosis/1"
     ENTRIES = (
@@ -267,6 +272,7 @@ class Diagnosis(Document):
         "intervals",
         "scene_values",
         "clock_shift",
+        "known",
     )
 
     @property
@@ -295,7 +301,7 @@ class Diagnosis(Document):
             verdict=entries["verdict"],
             model=Chain.from_document(entries["model"]),
             intervals=_as_arrays(entries["intervals"]),
-            **{name: built(kind, entries[name]) for name, kind in _PARTS.items()},
+            **{name: built(kind, entries[name]) for name, kind in _PARTS.items() if name != "known" or name in entries},
         )
 
     def report(self) -> str:

@@ -53,6 +53,8 @@ class Fit:
         constant: ``(pads, 3, rows, cols)`` N or 0, a known constant offset that was not fitted.
         effects: By cause, the energy of its effect on the reading with the other causes unchanged, in units of the
             noise; for a course, the energy of the offset that it adds.
+        likeness: By two causes, the share of the second one's effect that the form of the first could mimic; see
+            `Squares.likeness`.
         energy: ``(units,)`` squared residual of the fit to all episodes, in units of the noise.
         heldout: ``(units,)`` squared residual of each unit when held out, in units of the noise.
     """
@@ -62,6 +64,7 @@ class Fit:
     folds: tuple[Part, ...]
     constant: FloatArray | float
     effects: Mapping[str, float]
+    likeness: Mapping[tuple[str, str], float]
     energy: FloatArray
     heldout: FloatArray
 
@@ -130,14 +133,16 @@ class Fitter:
         values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
         residual, slopes = squares.linearised(values, zero)
         whole = _part(squares, values, zero, shapes)
-        energies = {n: e * self.samples for n, e in squares.effects(values, whole.zero).items()}
+        effects = squares.effects(values, whole.zero)
+        likeness = squares.likeness(effects, slopes)
+        energies = {name: float(np.sum(effect**2)) * self.samples for name, effect in effects.items()}
         heldout, folds = np.zeros(len(self.fold)), []
         for number, part in enumerate(parts):
             own = Squares(Model(self.problem, causes, part), causes)
             part_values, left = own.refit(values, zero, residual, slopes)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
             folds.append(_part(own, part_values, zero, shapes))
-        return Fit(tuple(causes), whole, tuple(folds), constant, energies, self._by_unit(residual), heldout)
+        return Fit(tuple(causes), whole, tuple(folds), constant, energies, likeness, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit) -> Fit:
         """The fit with its folds refitted from scratch, without any use of the fit to all episodes."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from paxisim.augment.transform import Transform
 from paxisim.diagnose.advice import advice
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.ceiling import ceiling
@@ -17,6 +18,7 @@ from paxisim.diagnose.folds import effects
 from paxisim.diagnose.heldout import SquaredErrors, figures, gains_of, part_gains, survives
 from paxisim.diagnose.inside.rounds import in_scene
 from paxisim.diagnose.intervals import model_intervals, parameters_of
+from paxisim.diagnose.known import KnownSensor
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.repeats import with_untold
 from paxisim.diagnose.report.caveats import at_bounds, caveats, near_misses
@@ -36,6 +38,7 @@ def diagnose(
     causes: Sequence[str] | None = None,
     *,
     scene: Scene | None = None,
+    sensor: Transform | None = None,
     seed: int = 0,
     jobs: int = 1,
     progress: Callable[[str, float], None] | None = None,
@@ -50,6 +53,10 @@ def diagnose(
         scene: Scene driven by the recording's streams. It adds causes inside the scene, such as friction or the
             position of a pad, and the recording then needs no simulated tensor. Replays run in `jobs` processes, so a
             script needs an ``if __name__ == "__main__":`` guard.
+        sensor: Model of the sensor known beforehand, such as the `Diagnosis.model` of a recording of the same unit, or
+            `paxisim.nominal_operator` of the product. What its layer and magnets do is taken as known: the simulation
+            is seen through it, and causes are searched in what it does not explain. What its electronics do, such as
+            a zero offset, may change and is fitted anew.
         seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
         jobs: Number of processors, at least 1; it does not affect the result.
         progress: Called with a description of the current stage and the estimated share of the work done, from 0 to 1.
@@ -57,20 +64,26 @@ def diagnose(
 
     Raises:
         InvalidValueError: The recording cannot be diagnosed: a stream is missing, constant, in another unit or too
-            short, or the streams do not overlap; or a cause inside the scene is requested without the scene.
+            short, or the streams do not overlap; a cause inside the scene is requested without the scene; or the
+            given sensor has another layout, or has nothing that could be known beforehand.
         UnknownNameError: There is no such cause, or the scene has no such stream or joint.
         UnsupportedError: The simulation of the scene becomes unstable.
     """
     _check(causes, scene, seed, jobs)
     tell = progress or (lambda stage, share: None)
+    known = None if sensor is None else KnownSensor.of(sensor)
     if scene is None:
+        if known is not None and recording.simulated is not None:
+            recording = replace(recording, simulated=known.seen(recording.simulated, recording))
         found = searched(recording, causes, seed, jobs, tell)
-        return found if isinstance(found, Diagnosis) else _told(found, seed, jobs, tell)
-    inside = in_scene(recording, scene, causes, seed, jobs, tell, replays)
-    if isinstance(inside, Diagnosis):
-        return inside
-    told = _told(inside.searched, seed, jobs, tell, inside.streams)
-    return replace(told, scene=inside.scene, scene_values=inside.values)
+        told = found if isinstance(found, Diagnosis) else _told(found, seed, jobs, tell)
+    else:
+        inside = in_scene(recording, scene, known, causes, seed, jobs, tell, replays)
+        if isinstance(inside, Diagnosis):
+            return inside
+        told = _told(inside.searched, seed, jobs, tell, inside.streams)
+        told = replace(told, scene=inside.scene, scene_values=inside.values)
+    return told if known is None else replace(told, model=known.before(told.model), known=str(known))
 
 
 def _told(

@@ -67,6 +67,7 @@ class Search:
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
         self._bare: dict[frozenset[str], Fit] = {}  # by set: fit without its nuisance
+        self._without: dict[tuple[frozenset[str], str], Fit] = {}  # by set and cause: fit without the cause's parts
         self._exact: dict[Fit, Fit] = {}
         self._beside = ""
 
@@ -96,7 +97,7 @@ class Search:
     def evidence_of_parts(self, chosen: Sequence[str], name: str) -> list[Evidence]:
         """Test each part of a cause of a set: the model compared with the model refitted without the part."""
         item, fit = self.causes[name], self.fit(chosen)
-        needed = self.material + sum(self.causes[n].misfit * e for n, e in fit.effects.items() if n != name)
+        needed = self.material + self._mimicked(fit, name)
         out = []
         for part in item.parts if len(item.parts) > 1 else ():
             amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
@@ -109,12 +110,31 @@ class Search:
         start = self.fit(chosen).lacking(name, part, self.problem)
         return self.fitter.fit(start.causes, start)
 
+    def _mimicked(self, fit: Fit, name: str) -> float:
+        """Energy that a cause could gain from what the forms of the others cannot say.
+
+        Of the energy that a form leaves unexplained, a cause gains as much as it resembles that form's directions.
+        """
+        others = ((n, energy) for n, energy in fit.effects.items() if n != name)
+        return sum(self.causes[n].misfit * energy * fit.likeness[n, name] for n, energy in others)
+
+    def _without_parts(self, names: Sequence[str], name: str, exact: bool) -> Fit:
+        """The fit of a set with only those parameters of a cause that belong to none of its parts; cached."""
+        key = frozenset(names), name
+        if key not in self._without:
+            start = self.fit(names)
+            for part in self.causes[name].parts:
+                start = start.lacking(name, part, self.problem)
+            self._without[key] = self.fitter.fit(start.causes, start)
+        return self.exact(self._without[key]) if exact else self._without[key]
+
     def _replace(self, item: Cause) -> None:
         """Replace a cause, and forget the fits that contain it."""
         self.causes[item.name] = item
         for cache in (self._fits, self._bare, self._rankings):
             for key in [key for key in cache if item.name in key]:
                 del cache[key]
+        self._without = {key: fit for key, fit in self._without.items() if item.name not in key[0]}
 
     def _passes(self, gain: FloatArray, needed: float, amount: float) -> bool:
         total = float(gain.sum())
@@ -171,9 +191,11 @@ class Search:
         fit, without = self.fit(names), self.without(names, name)
         if exact:
             fit, without = self.exact(fit), self.exact(without)
+        if item.parts:  # what its calibration convention owns is not enough to name it
+            bare = self._without_parts(names, name, exact)
+            without = min(without, bare, key=lambda own: own.heldout.sum())
         gain = without.heldout - fit.heldout
-        needed = item.price * self.material
-        needed += sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
+        needed = item.price * self.material + self._mimicked(fit, name)
         amount = np.inf
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)

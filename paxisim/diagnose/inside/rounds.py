@@ -24,6 +24,7 @@ from paxisim.diagnose.fitting import Fit, Fitter
 from paxisim.diagnose.inside.poses import Poses, fitted_poses
 from paxisim.diagnose.inside.responses import SHOWN
 from paxisim.diagnose.inside.study import Study
+from paxisim.diagnose.known import KnownSensor
 from paxisim.diagnose.model import Model
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.report.streams import InScene
@@ -62,6 +63,7 @@ class FoundInScene:
 def in_scene(
     recording: Recording,
     scene: Scene,
+    known: KnownSensor | None,
     causes: Sequence[str] | None,
     seed: int,
     jobs: int,
@@ -79,7 +81,7 @@ def in_scene(
     recording = replay.paired(episodes)
     closings = {episode.number: episode.closing for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
-        study = Study(replays)
+        study = Study(replays, known)
         study.glance(_part(tell, 0.0, POSES_END))
         for _ in range(POSE_FITS):
             begun = begin(_simulated(recording, study), causes, study.responses(), tell)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.inside.poses import Poses
 from paxisim.diagnose.inside.responses import Centre, Response, Responses
+from paxisim.diagnose.known import KnownSensor
 from paxisim.errors import PaxisimError
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.replays import Replays, Values
@@ -39,15 +40,16 @@ class Study:
         unstable: Why a number was left out, by name.
     """
 
-    def __init__(self, replays: Replays) -> None:
+    def __init__(self, replays: Replays, known: KnownSensor | None = None) -> None:
         """Start from the stream that the recording already holds, simulated at nominal values.
 
         Args:
             replays: Runs the simulations.
+            known: Sensor through which every simulated stream is seen; None for the forces themselves.
         """
         assert replays.recording.simulated is not None
-        self.replays, self.parameters = replays, replays.scene.parameters()
-        self.base: NDArray[np.float32] = replays.recording.simulated
+        self.replays, self.parameters, self._known = replays, replays.scene.parameters(), known
+        self.base: NDArray[np.float32] = self._seen(replays.recording.simulated)
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
         self._changes: _Changes = {}
@@ -81,13 +83,13 @@ class Study:
         middle = {item: item.nominal for item in wanted} | dict(centre or {})
         pairs = [(item, v) for item, values in clipped.items() for v in sorted(values - {middle[item]})]
         sets = [self._with_poses({**(centre or {}), item: value}) for item, value in pairs]
-        base = self.base if centre is None else self.replays.run_each(self._with_poses(centre))
+        base = self.base if centre is None else self._run(centre)
         changes: _Changes = {}
         for (item, value), force in zip(pairs, self.replays.run_sets(sets), strict=True):
             if isinstance(force, PaxisimError):
                 self.unstable[item.name] = f"the replay fails at {item.name} = {value:.4g}: {force}"
             else:
-                changes.setdefault(item, {})[value] = force - base
+                changes.setdefault(item, {})[value] = self._seen(force) - base
         return changes
 
     def move(self, poses: Poses) -> None:
@@ -100,7 +102,7 @@ class Study:
             UnsupportedError: The simulation becomes unstable with these poses.
         """
         self.poses = poses
-        self.base = self.replays.run_each(self._with_poses({}))
+        self.base = self._run({})
 
     def approach(self, values: Mapping[str, float]) -> None:
         """Replay the motion with other poses of the objects in the scene with fitted values.
@@ -125,7 +127,7 @@ class Study:
         for group in dict.fromkeys(self.parameters[name].group for name in values):
             numbers = [item for item in self.parameters.values() if item.group == group and item.name in values]
             centre = {item: float(np.clip(values[item.name], item.low, item.high)) for item in numbers}
-            self._centres[group] = centre, self.replays.run_each(self._with_poses(centre)) - self.base
+            self._centres[group] = centre, self._run(centre) - self.base
             for item in numbers:
                 self._changes.pop(item, None)
             wanted = {item: [value + by * item.step for by in REFINE_STEPS] for item, value in centre.items()}
@@ -160,7 +162,13 @@ class Study:
         Raises:
             UnsupportedError: The simulation becomes unstable.
         """
-        return self.replays.run_each(self._with_poses({self.parameters[n]: v for n, v in values.items()}))
+        return self._run({self.parameters[n]: v for n, v in values.items()})
+
+    def _run(self, values: Mapping[SceneParameter, float]) -> NDArray[np.float32]:
+        return self._seen(self.replays.run_each(self._with_poses(values)))
+
+    def _seen(self, force: NDArray[np.float32]) -> NDArray[np.float32]:
+        return force if self._known is None else self._known.seen(force, self.replays.recording)
 
     def _with_poses(self, values: Mapping[SceneParameter, float]) -> dict[int, dict[SceneParameter, float]]:
         """Return the values for each episode; values of poses are added to the episode's own pose."""

@@ -13,6 +13,7 @@ from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.diagnosis import FoundCause
+from paxisim.diagnose.known import MEMBER
 from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.vocabulary import cause, known_causes
 
@@ -108,7 +109,12 @@ class Effect:
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
-    """Return the effect of each cause that has a member in the chain or belongs to the scene."""
+    """Return the effect of each cause that has a member in the chain or belongs to the scene.
+
+    The streams are already seen through a sensor that was known beforehand.
+    """
+    found_beside = [(name, member) for name, member in zip(chain.names, chain, strict=True) if name != MEMBER]
+    chain = Chain([member for _, member in found_beside], [name for name, _ in found_beside])
     inside = streams.in_scene
     scene = streams.simulated if inside is None else inside.simulated
     model, out = run(chain, streams, scene), []

@@ -59,6 +59,7 @@ def text_of(diagnosis: Diagnosis) -> str:
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
     lines = [f"Verdict: {diagnosis.verdict}{clocks}", *_wrap(sentence, "  ")]
+    lines += _wrap(diagnosis.known, "  ")
     lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
     lines += ["", *_table(diagnosis)] if diagnosis.causes else []
     lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))] if diagnosis.verdict != "unrelated" else []

@@ -1,0 +1,94 @@
+"""Known: a sensor model known beforehand, through which a diagnosis looks at the simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.transform import Transform
+from paxisim.errors import InvalidValueError
+from paxisim.logs.recording_arrays import episode_spans
+from paxisim.recording import Recording
+
+MEMBER = "known_sensor"
+"""Name of the known sensor in the extended model."""
+LASTING = ("gel", "magnets")
+"""Stages that belong to a unit. Those of its electronics, such as a zero offset, change from session to session."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSensor:
+    """The part of a sensor model that is taken as known.
+
+    Attributes:
+        chain: What the layer and the magnets do to the forces.
+        left_out: Names of the members that are not taken over.
+    """
+
+    chain: Chain
+    left_out: tuple[str, ...]
+
+    @classmethod
+    def of(cls, sensor: Transform) -> KnownSensor:
+        """Return the known part of a chain or of a single transform.
+
+        Raises:
+            InvalidValueError: It is no transform, or nothing of it is known to last.
+        """
+        if not isinstance(sensor, Transform):
+            raise InvalidValueError(
+                f"sensor must be a paxisim.Chain or a transform, got {type(sensor).__name__}: Chain.load reads a file"
+            )
+        members = list(zip(sensor.names, sensor, strict=True)) if isinstance(sensor, Chain) else [("", sensor)]
+        kept = [(name, member) for name, member in members if _stages(member) <= set(LASTING)]
+        if not kept:
+            raise InvalidValueError(
+                "nothing of the given sensor model belongs to the unit itself: expected what a gel or magnets do, such "
+                f"as gel_operator or axis_gain, got {', '.join(name for name, _ in members) or 'an empty chain'}"
+            )
+        chain = Chain([kept[0][1]]) if kept[0][0] == "" else Chain([m for _, m in kept], [n for n, _ in kept])
+        return cls(chain, tuple(name for name, member in members if (name, member) not in kept))
+
+    def seen(self, force: NDArray[np.floating], recording: Recording) -> NDArray[np.float32]:
+        """Return what the sensor reads of simulated forces.
+
+        Args:
+            force: ``(T, pads, 3, rows, cols)`` N, NaN at samples that were not simulated.
+            recording: Recording with the samples' times, episodes and covariates.
+
+        Raises:
+            InvalidValueError: The sensor has other pads or taxels.
+            MissingCovariateError: The recording lacks a covariate that the sensor needs.
+        """
+        out = np.full(force.shape, np.nan, dtype=np.float32)
+        finite = np.isfinite(force).all(axis=(1, 2, 3, 4))
+        for span in episode_spans(recording.episode):
+            own = np.arange(span.start, span.stop)[finite[span]]
+            if len(own):
+                covariates = {name: values[own] for name, values in recording.covariates.items()}
+                read = np.asarray(self.chain.run(force[own], recording.time[own], covariates))
+                if read.shape != force[own].shape:
+                    raise InvalidValueError(
+                        f"the given sensor reads {read.shape[1:]} of frames {force.shape[1:]}: expected one sensor of "
+                        "this recording's pads, not a batch of sensors"
+                    )
+                out[own] = read
+        return out
+
+    def before(self, model: Chain) -> Chain:
+        """Return the whole model of the sensor: the known part, then what a diagnosis found beside it."""
+        return Chain([self.chain, *model], [MEMBER, *model.names])
+
+    def __str__(self) -> str:
+        """What was taken as known, as a sentence."""
+        rest = f"; {', '.join(self.left_out)} of the same model may change and is fitted anew" if self.left_out else ""
+        return f"Taken as known: {', '.join(self.chain.names)}{rest}."
+
+
+def _stages(member: Transform) -> set[str]:
+    if isinstance(member, Chain):
+        return set().union(*map(_stages, member))
+    return {member.stage}
