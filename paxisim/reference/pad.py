@@ -57,7 +57,7 @@ class MagneticPad:
         self.layout, self.seed = layout, seed
         nominal = PadParameters.for_layout(layout) if parameters is None else parameters
         self.made, self.parameters = make_unit(layout, nominal, seed)
-        self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.thickness)
+        self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.layer.thickness)
 
     @classmethod
     def unit(cls, layout: TaxelLayout, seed: int, parameters: PadParameters | None = None) -> MagneticPad:
@@ -130,7 +130,7 @@ class MagneticPad:
 def calibration(layout: TaxelLayout, nominal: PadParameters) -> FloatArray:
     """Return the calibration of each taxel (N/T), ``(3, 3, N)``, fitted to presses of single nominal taxels."""
     made, own = make_unit(layout, nominal, None)
-    stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.thickness)
+    stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.layer.thickness)
     loads = size_of(layout) * np.array([(p * a, p * b, p) for p in CALIBRATION_PRESSES for a in DRAGS for b in DRAGS])
     maps = np.empty((3, 3, layout.taxels))
     for taxel in range(layout.taxels):

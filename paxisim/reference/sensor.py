@@ -107,7 +107,7 @@ class MagneticSensor(Transform):
         """Return the pads as one stack, built on first use."""
         if count not in self._stacks:
             made = [pad.made for pad in self.pads(count)]
-            stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.thickness)
+            stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.layer.thickness)
             self._stacks[count] = stack, Facing(made, self.zeroed_at) if self.covariate else None
         return self._stacks[count]
 
