@@ -57,7 +57,7 @@ class Gel:
 
     The default, 100 kPa over 3.3 mm, gives 596 N/m for a taxel of 4.35 x 4.52 mm. This is soft enough that most taxels
     of a pad with 0.2 mm of unevenness carry load at 5 N, as on the real sensor (paper, Fig. 1). The paper gives no
-    material data; these values are our choice.
+    material data; these values are our choice, softer than a layer of any silicone: `Gel.of` makes stiffer ones.
 
     The stiffness is that of a taxel under a flat face, for which MuJoCo's box collider makes four contacts. If an
     object makes only one contact, as a sphere does, a box taxel is four times softer until the layer stiffens. Sphere
