@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from paxisim.layout import TaxelLayout
 from paxisim.reference.parameters import PadParameters, size_of
 from paxisim.reference.stack import Stack, apply
+from paxisim.reference.unevenness import uneven_heights
 from paxisim.reference.unit import make_unit
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +42,8 @@ class MagneticPad:
         parameters: Parameters of this unit.
         seed: Number of the unit, which seeds its deviations from the nominal design; None for the nominal design.
         made: Matrices of this unit.
+        heights: ``(rows, cols)`` surface of this unit (m), for `paxisim.set_surface`; that of the nominal design is
+            flat. The forces on the taxels of an uneven surface differ; what the pad makes of them does not.
     """
 
     def __init__(self, layout: TaxelLayout, parameters: PadParameters | None = None, seed: int | None = None) -> None:
@@ -57,6 +60,7 @@ class MagneticPad:
         self.layout, self.seed = layout, seed
         nominal = PadParameters.for_layout(layout) if parameters is None else parameters
         self.made, self.parameters = make_unit(layout, nominal, seed)
+        self.heights = uneven_heights(layout, nominal.unevenness, seed)
         self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.layer.thickness)
 
     @classmethod

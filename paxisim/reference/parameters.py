@@ -15,6 +15,8 @@ VACUUM = 4e-7 * math.pi
 """Permeability of vacuum (T m / A)."""
 PITCH = 26.1e-3 / 6, 22.6e-3 / 5
 """Taxel size (m) of the default parameters: 6x5 taxels on a pad of 26.1 by 22.6 mm."""
+MAX_UNEVENNESS = 0.5e-3
+"""Largest unevenness of a design (m): half the thickness of a taxel cube."""
 LAYER = Layer()
 """Gel of the default parameters."""
 
@@ -42,11 +44,14 @@ class PadParameters:
         modulus_spread: Spread of the gel's modulus between units, relative (log-normal). Ours.
         gain_spread: Spread of the gains of each Hall sensor's axes, relative. MLX90393 data sheet: a few per cent.
         turn_spread: Spread of each Hall sensor's orientation on the board (rad). Ours.
+        unevenness: Distance (m) from the lowest to the highest taxel of an average unit's surface, which has 0.5 to 1.5
+            times as much. Ours, and the size of GCS's bumps; the paper reports uneven pads without a figure. It changes
+            no readings: set `MagneticPad.heights` in the simulator.
         earth: Flux density of the earth's field (T), with a random direction for each unit. 25 to 65 uT by location.
 
     Raises:
-        InvalidValueError: A length, remanence, volume or range is not positive, the magnets are not inside the gel, or
-            the gel is not a `Layer` that is bonded to its base.
+        InvalidValueError: A length, remanence, volume or range is not positive, the magnets are not inside the gel, the
+            gel is not a `Layer` that is bonded to its base, or the unevenness is not from 0 to 0.5 mm.
     """
 
     layer: Layer = LAYER
@@ -63,6 +68,7 @@ class PadParameters:
     modulus_spread: float = 0.1
     gain_spread: float = 0.02
     turn_spread: float = 0.02
+    unevenness: float = 0.2e-3
     earth: float = 50e-6
 
     def __post_init__(self) -> None:
@@ -74,6 +80,8 @@ class PadParameters:
         for name in ("magnet_depth", "sensor_gap", "remanence", "magnet_volume", "range"):
             if not 0 < getattr(self, name) < np.inf:
                 raise InvalidValueError(f"{name} must be positive, got {getattr(self, name)!r}")
+        if not 0 <= self.unevenness <= MAX_UNEVENNESS:
+            raise InvalidValueError(f"unevenness must be from 0 to {MAX_UNEVENNESS:g} m, got {self.unevenness!r}")
         if not self.magnet_depth < self.layer.thickness:
             raise InvalidValueError(
                 f"magnet_depth must be less than the thickness of the gel, {self.layer.thickness:g} m, got "
@@ -82,7 +90,10 @@ class PadParameters:
 
     @classmethod
     def for_layout(cls, layout: TaxelLayout) -> PadParameters:
-        """Return the default parameters with all lengths scaled to the taxel size of a layout."""
+        """Return the default parameters with all lengths scaled to the taxel size of a layout.
+
+        The unevenness is that of the mould and stays the same.
+        """
         scale = size_of(layout) ** 0.5
         lengths = ("magnet_depth", "sensor_gap", "place_spread")
         values = {name: scale * getattr(cls, name) for name in lengths}
