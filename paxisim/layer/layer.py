@@ -104,8 +104,8 @@ class Layer:
                 under faces, so there the force does not matter.
 
         Raises:
-            InvalidValueError: The contact is neither of these, the force is not positive, or the layout is not a flat
-                grid.
+            InvalidValueError: The contact is neither of these, the force is not positive or presses the sphere through
+                the layer, or the layout is not a flat grid.
         """
         height, width = layout.pitch
         area = height * width
@@ -133,6 +133,11 @@ class Layer:
             loads, depth, cells = self._pressed(tall, wide, radius, force)
             reach = np.abs(cells.positions[loads > 0, :2]).max(axis=0) + np.array(cells.pitch[::-1]) / 2
             if max(reach) >= max(tall, wide) / 2 * _LEAST / _CELLS:
+                if depth >= self.thickness:
+                    raise InvalidValueError(
+                        f"{force:g} N press a sphere of {radius:g} m through the layer of {self.thickness:g} m: "
+                        "state the stiffness at a smaller force"
+                    )
                 return force / _bed_volume(height, width, radius, depth)
             tall, wide = (min(side, 2.5 * max(reach)) for side in (tall, wide))
 
@@ -142,11 +147,9 @@ class Layer:
         """Return the loads on the cells of a rectangle (N), the depth of a face or a sphere (m), and the cells."""
         rows, cols = (max(1, math.ceil(_CELLS * side / max(height, width))) for side in (height, width))
         cells = TaxelLayout(rows, cols, (height / rows, width / cols))
-        gap = (
-            np.zeros(cells.taxels)
-            if radius is None
-            else _sphere_gap(cells.positions[:, 0], cells.positions[:, 1], radius)
-        )
+        gap = np.zeros(cells.taxels)
+        if radius is not None:
+            gap = _sphere_gap(cells.positions[:, 0], cells.positions[:, 1], radius)
         loads, depth = pressed(self.compliance(cells), gap, force)
         return loads, depth + float(gap.min()), cells
 

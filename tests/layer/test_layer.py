@@ -162,6 +162,7 @@ def test_what_is_no_layer_or_no_contact():
         (lambda: Layer().stiffness(PAD, "edge"), "'flat', 'taxel' or a radius in m, got 'edge'"),  # type: ignore[arg-type]
         (lambda: Layer().stiffness(PAD, -1e-3), "radius in m"),
         (lambda: Layer().stiffness(PAD, 1e-2, force=0.0), "positive force"),
+        (lambda: Layer(0.05e6).stiffness(PAD, 2e-3, force=20.0), "smaller force"),
         (lambda: Layer().stiffness(scattered), "only the contact 'taxel'"),
         (lambda: Layer().compliance(scattered), "flat grid"),
     ):
