@@ -26,7 +26,7 @@ def indented(compliance: FloatArray, gap: FloatArray, depth: float) -> FloatArra
 
     Args:
         compliance: ``(N, N)`` deflection of each cell per newton on each cell (m/N), symmetric and positive definite.
-        gap: ``(N,)`` distance of the object from each cell where it first touches (m).
+        gap: ``(N,)`` distance of the object from each cell where it first touches (m), infinite where it never does.
         depth: Distance that the object moves into the layer from there (m).
 
     Returns:
@@ -35,7 +35,7 @@ def indented(compliance: FloatArray, gap: FloatArray, depth: float) -> FloatArra
     wanted = np.asarray(depth - gap, dtype=np.float64)
     loaded, loads = wanted > 0, np.zeros(len(wanted))
     fewest, patience = len(wanted) + 1, _PATIENCE
-    scale = float(np.max(np.abs(wanted), initial=0.0))
+    scale = float(np.max(wanted, initial=0.0))
     while True:
         loads[:] = 0
         if loaded.any():

@@ -165,9 +165,9 @@ def _bed_volume(height: float, width: float, radius: float, depth: float) -> flo
 
 
 def _sphere_gap(x: NDArray[np.floating], y: NDArray[np.floating], radius: float) -> FloatArray:
-    """Return the distance (m) of a sphere that touches the origin from the plane; beyond its equator, its radius."""
+    """Return the distance (m) of a sphere that touches the origin from the plane, infinite beyond its equator."""
     squared = np.asarray(x, dtype=np.float64) ** 2 + np.asarray(y, dtype=np.float64) ** 2
-    return radius - np.sqrt(np.clip(radius**2 - squared, 0, None))
+    return np.where(squared < radius**2, radius - np.sqrt(np.clip(radius**2 - squared, 0, None)), np.inf)
 
 
 def _is_number(value: object) -> bool:
