@@ -32,9 +32,9 @@ RATE = 25.0  # Hz
 COUNT = 0.1  # N
 
 
-def motion() -> paxisim.Recording:
-    """Return the protocol with the forces that the simulation computes."""
-    scene = ready.indenter(LAYOUT)
+def motion(heights: np.ndarray | None = None) -> paxisim.Recording:
+    """Return the protocol with the forces that the simulation computes on a surface, by default a flat one."""
+    scene = ready.indenter(LAYOUT, heights)
     return scene.simulate(press(stop_force=60.0).unrecorded(scene)).resample(RATE).select(known=True)
 
 
@@ -56,13 +56,15 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def main(units: int = 6, jobs: int = 1, model_of: int | None = None) -> None:
+def main(units: int = 6, jobs: int = 1, model_of: int | None = None, uneven: bool = False) -> None:
     """Print a row for each unit.
 
     Args:
         units: Number of units, from number 0 on.
         jobs: Number of processes per diagnosis.
         model_of: Diagnose only this unit, and apply its model to all units.
+        uneven: Whether the units have their uneven surfaces, which the simulation does not; those behind the published
+            figures were flat.
     """
     warnings.simplefilter("ignore")
     felt = motion()
@@ -70,7 +72,8 @@ def main(units: int = 6, jobs: int = 1, model_of: int | None = None) -> None:
     even = felt.episode % 2 == 0
 
     def halves(unit: int) -> tuple[paxisim.Recording, paxisim.Recording]:
-        recording = replace(felt, measured=measured(unit, felt.simulated))
+        real = motion(MagneticPad.unit(LAYOUT, unit).heights) if uneven else felt
+        recording = replace(felt, measured=measured(unit, real.simulated))
         return recording[even], recording[~even]
 
     if model_of is not None:

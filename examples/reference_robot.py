@@ -2,7 +2,7 @@
 
 A ball presses and drags on one pad of 6x5 taxels in MuJoCo, along the motion of the protocol ``press``. The measured
 stream is the reading of a manufactured unit of `paxisim.MagneticPad`, in counts of 0.1 N; the simulated stream is the
-forces themselves. The diagnosis fits none of the formulas of the pad.
+forces on a flat pad. The unit's surface is uneven, and the diagnosis fits none of the formulas of the pad.
 
     python examples/reference_robot.py --unit 7 --out robot.mcap
     paxisim diagnose robot.mcap -o diagnosis
@@ -26,31 +26,33 @@ RATE = 25.0  # Hz
 COUNT = 0.1  # N
 
 
-def recording(unit: int, episodes: int = 8) -> paxisim.Recording:
-    """Return the readings of a unit together with the forces on it.
+def recording(unit: int, episodes: int = 8, *, uneven: bool = True) -> paxisim.Recording:
+    """Return the readings of a unit together with the forces on a flat pad.
 
     Args:
         unit: Number of the unit.
         episodes: Number of episodes of the protocol.
+        uneven: Whether the unit has its uneven surface; otherwise it is flat as well.
     """
-    stage = ready.indenter(LAYOUT)
-    motion = press(stop_force=60.0).unrecorded(stage)
-    felt = stage.simulate(motion.select(range(episodes))).resample(RATE).select(known=True)
-    assert felt.simulated is not None
     pad = paxisim.MagneticPad.unit(LAYOUT, unit)
+    stage, real = ready.indenter(LAYOUT), ready.indenter(LAYOUT, pad.heights if uneven else None)
+    motion = press(stop_force=60.0).unrecorded(stage).select(range(episodes))
+    simulated, felt = (scene.simulate(motion).resample(RATE).select(known=True) for scene in (stage, real))
+    assert felt.simulated is not None
     read = pad.measure(felt.simulated[:, 0].astype(np.float64), np.random.default_rng(unit))[:, None]
-    return replace(felt, measured=(COUNT * np.rint(read / COUNT)).astype(np.float32))
+    return replace(simulated, measured=(COUNT * np.rint(read / COUNT)).astype(np.float32))
 
 
-def main(out: Path, unit: int = 7, episodes: int = 8) -> None:
+def main(out: Path, unit: int = 7, episodes: int = 8, uneven: bool = True) -> None:
     """Write the recording.
 
     Args:
         out: Output file, .mcap.
         unit: Number of the manufactured unit.
         episodes: Number of episodes of the protocol, up to eight.
+        uneven: Whether the unit has its uneven surface.
     """
-    made = recording(unit, episodes)
+    made = recording(unit, episodes, uneven=uneven)
     made.save(out)
     print(f"{out}: {made}")
 

@@ -34,6 +34,7 @@ from .hw.profiles.load import load_profile as load_profile
 from .hw.profiles.profile import Profile as Profile
 from .hw.profiles.profile import Slot as Slot
 from .hw.profiles.profile import UnverifiedProfileWarning as UnverifiedProfileWarning
+from .layer.layer import Layer as Layer
 from .layout import TaxelLayout as TaxelLayout
 from .models.attach import TactileGripper as TactileGripper
 from .models.attach import attach as attach

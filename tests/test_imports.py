@@ -25,7 +25,7 @@ LEVELS = {
     0: "errors layout cluster parallel",
     0.5: "files",
     0.7: "document",
-    1: "bump sensors logs",
+    1: "bump layer sensors logs",
     1.5: "recording",
     1.7: "presses",
     2: "models augment hw calibrate",

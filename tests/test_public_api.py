@@ -11,7 +11,7 @@ import paxisim
 
 PUBLIC = """
     Agreement Calibration Chain DeviceError DeviceTimeoutError Drive Emulator FoundMounts Frame GCS GaussianBump Gel
-    GelMemory Grip History InvalidValueError MagneticPad MagneticSensor MissingExtraError Mount ObjectStart
+    GelMemory Grip History InvalidValueError Layer MagneticPad MagneticSensor MissingExtraError Mount ObjectStart
     OutputExistsError Pad PadParameters Pads PaxisimError PortAccessError PortNotFoundError Presses Profile Protocol
     ProtocolError RayCluster LinearCalibration Recording Scene SceneDraw SceneParameter SceneRanges SceneVariation
     Sensor SensorModule SensorQuality Slot SqueezeResult TactileGripper TactileReadout TactileSensor TaxelLayout

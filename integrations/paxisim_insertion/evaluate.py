@@ -20,7 +20,7 @@ from .policy import Trained
 from .results import DRAWN, FIRST_SEED, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name, versions
 from .run import Run
 from .shell import command
-from .transfer import magnetic_unit, sensors
+from .transfer import magnetic_unit, own_surface, sensors
 
 
 def evaluate(
@@ -29,6 +29,7 @@ def evaluate(
     trials: int = 50,
     sensor: str | Path | None = None,
     transfer: bool = False,
+    uneven: bool = False,
     drawn: bool = False,
     engine: Literal["robosuite", "native", "warp"] = "robosuite",
     out: Path = OUT,
@@ -43,6 +44,8 @@ def evaluate(
             Default: the sensor that the method is trained with.
         transfer: Spread the episodes over 25 sensors that no training has seen, on a robot with a noisy p_t and a
             miscalibrated controller and joints, see Gap.
+        uneven: Give the units of the magnetic pad, of --sensor reference:unit:N or --transfer, the uneven surfaces of
+            those units. The published figures are without.
         drawn: Sample the actions from the policy, as in training, instead of taking the most likely ones.
         engine: Engine of the simulation: robosuite's, the reference; plain MuJoCo; or MuJoCo Warp, with all episodes at
             once.
@@ -54,21 +57,27 @@ def evaluate(
         raise paxisim.InvalidValueError("expected one of --sensor, --transfer and --drawn")
     if engine == "warp" and (transfer or drawn or sensor is not None):
         raise paxisim.InvalidValueError("expected --engine warp without --sensor, --transfer and --drawn")
+    if uneven and not (transfer or sensor is not None):
+        raise paxisim.InvalidValueError("expected --uneven with --transfer or --sensor reference:unit:N")
     this = Run.open(run)
     chain = None if sensor is None else surrogate_of(str(sensor))
     alone = "native" if engine == "warp" else engine
     env = this.insertion_env(sensor=chain, gap=transfer, engine=alone, terminate_on_success=True)
     try:
+        if uneven and env.sensor is not None:
+            env.surface = own_surface(env.sensor)
         trained = this.policy(env)
         if engine == "warp":
             solved = {IN_SIMULATION: _solved_on_warp(this, trained, trials)}
         else:
-            solved = _solved(env, partial(trained.act, deterministic=not drawn), trials, transfer)
+            solved = _solved(env, partial(trained.act, deterministic=not drawn), trials, transfer, uneven)
     finally:
         env.close()
     name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
     if sensor is not None:
         name = sensor_name(sensor)
+    if uneven:
+        name = f"{name}, uneven"
     if engine != "robosuite":
         name = f"{name}, {engine}"
     successes = sum(sum(found) for found in solved.values())
@@ -86,10 +95,11 @@ def _solved(
     act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]],
     trials: int,
     transfer: bool,
+    uneven: bool,
 ) -> dict[str, list[bool]]:
     """Return which episodes a policy solves, by kind of sensor; in a transfer the sensors take turns."""
     kinds: dict[str, list[bool]] = {}
-    turns = sensors(env.layout) if transfer else []
+    turns = sensors(env.layout, uneven=uneven) if transfer else []
     for trial in range(trials):
         kind = IN_SIMULATION
         if turns:

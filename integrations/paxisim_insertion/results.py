@@ -115,8 +115,9 @@ class Result:
         task: Name of the task.
         method: Name of the method.
         sensor: ``"sim"`` for the sensor that the method is trained with, with ``", drawn actions"`` appended if actions
-            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. For an
-            engine other than robosuite's, its name is appended. No real sensor was involved.
+            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. For units
+            with surfaces of their own, ``", uneven"`` is appended, and for an engine other than robosuite's, its name.
+            No real sensor was involved.
         seed: Seed of the training run.
         trials: Number of episodes.
         success_rate: Fraction of episodes that succeeded.

@@ -122,8 +122,26 @@ class StandIn:
     surface: NDArray[np.floating]
 
 
-def sensors(layout: paxisim.TaxelLayout) -> list[StandIn]:
-    """Return 25 sensors for pads of a layout, with alternating kinds."""
+def own_surface(chain: paxisim.Chain) -> NDArray[np.floating]:
+    """Return the uneven surfaces ``(pads, rows, cols)`` (m) of the magnetic unit in a chain.
+
+    Raises:
+        InvalidValueError: The chain has no such unit.
+    """
+    units = [member for member in chain.members if isinstance(member, paxisim.MagneticSensor)]
+    if not units:
+        raise paxisim.InvalidValueError("only a unit of the magnetic pad, reference:unit:N, has a surface of its own")
+    return units[0].heights(PADS)
+
+
+def sensors(layout: paxisim.TaxelLayout, *, uneven: bool = False) -> list[StandIn]:
+    """Return 25 sensors for pads of a layout, with alternating kinds.
+
+    Args:
+        layout: Taxel layout of the pads.
+        uneven: Whether the magnetic pads have the surfaces of their units; otherwise theirs are drawn as those of the
+            surrogates, as for all published figures.
+    """
     turns = []
     for number in UNITS:
         for seed in SURROGATES[2 * number - 2 : 2 * number]:
@@ -131,7 +149,8 @@ def sensors(layout: paxisim.TaxelLayout) -> list[StandIn]:
             turns.append(StandIn("zeroed in the grasp", draw_surrogate(seed, field=False), surface))
             turns.append(StandIn("zeroed while open", draw_surrogate(seed), surface))
         surface = uneven_surface(SURROGATES[-1] + number, layout)
-        turns.append(StandIn("magnetic pad", magnetic_unit(f"unit:{number}", layout), surface))
+        unit = magnetic_unit(f"unit:{number}", layout)
+        turns.append(StandIn("magnetic pad", unit, own_surface(unit) if uneven else surface))
     return turns
 
 

@@ -10,7 +10,7 @@ from paxisim_insertion import InsertionEnv
 from paxisim_insertion.evaluate import evaluate, succeeds, surrogate_of
 from paxisim_insertion.results import FIRST_SEED, Result, file_of, folder_of, versions
 from paxisim_insertion.run import Run
-from paxisim_insertion.transfer import draw_surrogate, sensors
+from paxisim_insertion.transfer import draw_surrogate, own_surface, sensors
 from paxisim_lab.rates import RESULTS
 from scipy.stats import binom
 
@@ -103,6 +103,20 @@ def test_the_sensors_of_a_transfer():
         np.testing.assert_allclose(2 * lowest - 3e-3, heights, atol=1e-9)
     apart = [np.abs(a - b).max() for index, a in enumerate(readings) for b in readings[:index]]
     assert min(apart) > 0.05, "no two read alike"
+
+
+def test_units_with_surfaces_of_their_own(trained_run, tmp_path):
+    layout = InsertionEnv("SX-2mm", "DT", engine="native").layout
+    for usual, own in zip(sensors(layout), sensors(layout, uneven=True), strict=True):
+        assert np.array_equal(usual.surface, own.surface) == (own.kind != "magnetic pad")
+    unit = surrogate_of("reference:unit:1")(layout)
+    np.testing.assert_array_equal(own_surface(unit), sensors(layout, uneven=True)[4].surface)
+    evaluate(trained_run, trials=1, sensor="reference:unit:1", uneven=True, engine="native", out=tmp_path)
+    assert [Result.load(path).sensor for path in tmp_path.iterdir()] == ["surrogate reference-unit-1, uneven, native"]
+    with pytest.raises(paxisim.InvalidValueError, match="--transfer or --sensor"):
+        evaluate(trained_run, uneven=True, out=tmp_path)
+    with pytest.raises(paxisim.InvalidValueError, match="surface of its own"):
+        own_surface(draw_surrogate(1))
 
 
 def test_surrogates_of_a_sensor():

@@ -48,6 +48,7 @@ def emulate(
             that returns (pads, 3, rows, cols) in the profile's unit.
         reference: Pass the signal through a simulated magnetic pad, computed from first principles.
             For example unit:7, or unit:7+memory for a gel that creeps.
+            The pads of a scene (.xml) get the uneven surfaces of that unit.
         link: Symbolic link to create to the port.
         fault: Simulated line faults, as NAME=NUMBER separated by commas.
             Probability per byte: drop, flip, garble.
@@ -89,6 +90,7 @@ def emulate(
 def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[float], Any]:
     """Pass a signal through the reference unit that ``--reference`` names."""
     import paxisim
+    from paxisim.cli.scene_signal import SceneSignal
 
     make = paxisim.reference_sensor(text)
     if profile.unit != "N":
@@ -98,6 +100,8 @@ def _as_unit(felt: Callable[[float], Any], text: str, profile) -> Callable[[floa
     sensor = make(profile.wire_layout)
     if sensor.covariate_names:
         raise paxisim.InvalidValueError("an emulated board does not know the gripper's opening: leave out +neighbour")
+    if isinstance(felt, SceneSignal):
+        felt.set_surface(sensor.heights(len(profile.slots)))
     state, before = None, 0.0
 
     def read(now: float) -> Any:

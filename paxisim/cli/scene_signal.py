@@ -48,11 +48,24 @@ class SceneSignal:
         self._data = mujoco.MjData(self._model)
         if self._model.nkey:
             mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
-        self._readout = TactileReadout(self._model, find_pads(self._model))
+        self._pads = find_pads(self._model)
+        self._readout = TactileReadout(self._model, self._pads)
         self._start = self._data.time
         self._behind = 0.0
         mujoco.mj_forward(self._model, self._data)
         self(0.0)
+
+    def set_surface(self, heights: NDArray[np.floating]) -> None:
+        """Give the pads of the scene an uneven surface.
+
+        Args:
+            heights: ``(pads, rows, cols)`` of the profile's wire layout (m); their means do not matter.
+        """
+        from paxisim.models.pads import set_surface
+        from paxisim.models.surface import heights_from_map
+
+        pads = zip(self._pads.layouts, heights, self._pads.thickness, strict=True)
+        set_surface(self._model, self._pads, np.array([heights_from_map(*pad) for pad in pads]))
 
     @property
     def seconds(self) -> float:

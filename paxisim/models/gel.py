@@ -26,10 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
+from paxisim.layer.layer import STATED_FORCE
 
 if TYPE_CHECKING:
     import mujoco
 
+    from paxisim.layer.layer import Contact, Layer
     from paxisim.layout import TaxelLayout
     from paxisim.models.pads import Pads
 
@@ -55,7 +57,7 @@ class Gel:
 
     The default, 100 kPa over 3.3 mm, gives 596 N/m for a taxel of 4.35 x 4.52 mm. This is soft enough that most taxels
     of a pad with 0.2 mm of unevenness carry load at 5 N, as on the real sensor (paper, Fig. 1). The paper gives no
-    material data; these values are our choice.
+    material data; these values are our choice, softer than a layer of any silicone: `Gel.of` makes stiffer ones.
 
     The stiffness is that of a taxel under a flat face, for which MuJoCo's box collider makes four contacts. If an
     object makes only one contact, as a sphere does, a box taxel is four times softer until the layer stiffens. Sphere
@@ -92,6 +94,38 @@ class Gel:
         """Return the gel with which one taxel of `layout` has `stiffness` (N/m)."""
         area = layout.pitch[0] * layout.pitch[1]
         return cls(stiffness * cls.thickness / area, cls.thickness, relaxation, friction)
+
+    @classmethod
+    def of(
+        cls,
+        layer: Layer,
+        layout: TaxelLayout,
+        contact: Contact = "flat",
+        *,
+        force: float = STATED_FORCE,
+        relaxation: float = 0.04,
+        friction: float = 1.0,
+    ) -> Gel:
+        """Return the springs that carry what an elastic layer carries at the same indentation, for one contact.
+
+        Taxels of a layer push on their neighbours, and springs do not: for other contacts, and for how a load is shared
+        between taxels, the springs are off; docs/measurements/pads.md states by how much. With box taxels the stiffness
+        holds for flat faces only, see `Gel`; use sphere taxels with a radius.
+
+        Args:
+            layer: The elastic layer.
+            layout: Layout of the taxels.
+            contact: ``"flat"``, ``"taxel"`` or the radius of a sphere (m), see `Layer.stiffness`.
+            force: Force (N) that presses the sphere.
+            relaxation: See `Gel`.
+            friction: See `Gel`.
+
+        Raises:
+            InvalidValueError: As for `Layer.stiffness`, or a value is not positive and finite.
+        """
+        stiffness = layer.stiffness(layout, contact, force=force)
+        area = layout.pitch[0] * layout.pitch[1]
+        return cls(stiffness * layer.thickness / area, layer.thickness, relaxation, friction)
 
     def stiffness(self, layout: TaxelLayout) -> float:
         """Return the stiffness of one taxel of `layout` (N/m)."""

@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.layer.response import layer_response
 from paxisim.layout import TaxelLayout
-from paxisim.reference.bonded_layer import layer_response
 from paxisim.reference.parameters import PadParameters
 
 FloatArray = NDArray[np.float64]
@@ -34,20 +34,20 @@ def influence(layout: TaxelLayout, parameters: PadParameters, shift: FloatArray 
         ``(3 N, 6, N)`` matrix from forces ``(3, N)`` to displacements and rotations along x, y and z of each magnet
         (m/N and rad/N).
     """
-    own = parameters
-    step = min(DIFFERENCE_STEP * own.thickness, own.magnet_depth / 2, (own.thickness - own.magnet_depth) / 2)
+    layer, depth = parameters.layer, parameters.magnet_depth
+    step = min(DIFFERENCE_STEP * layer.thickness, depth / 2, (layer.thickness - depth) / 2)
 
     def at(x: float, y: float, z: float) -> FloatArray:
-        return _of_unit_modulus(layout, (x, y), own.magnet_depth + z, own.thickness, own.poisson)
+        return _of_unit_modulus(layout, (x, y), depth + z, layer.thickness, layer.poisson)
 
     middle = at(0, 0, 0)
     if shift is None:
-        return middle / own.modulus
+        return middle / layer.modulus
     total = middle.copy()
     for axis, by in enumerate(shift.T / step):
         there, back = (at(*(sign * step * np.eye(3)[axis])) for sign in (1, -1))
         total += by / 2 * (there - back) + by**2 / 2 * (there - 2 * middle + back)
-    return total / own.modulus
+    return total / layer.modulus
 
 
 @lru_cache(maxsize=CACHE_SIZE)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from paxisim.layout import TaxelLayout
 from paxisim.reference.parameters import PadParameters, size_of
 from paxisim.reference.stack import Stack, apply
+from paxisim.reference.unevenness import uneven_heights
 from paxisim.reference.unit import make_unit
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +42,8 @@ class MagneticPad:
         parameters: Parameters of this unit.
         seed: Number of the unit, which seeds its deviations from the nominal design; None for the nominal design.
         made: Matrices of this unit.
+        heights: ``(rows, cols)`` surface of this unit (m), for `paxisim.set_surface`; that of the nominal design is
+            flat. The forces on the taxels of an uneven surface differ; what the pad makes of them does not.
     """
 
     def __init__(self, layout: TaxelLayout, parameters: PadParameters | None = None, seed: int | None = None) -> None:
@@ -57,7 +60,8 @@ class MagneticPad:
         self.layout, self.seed = layout, seed
         nominal = PadParameters.for_layout(layout) if parameters is None else parameters
         self.made, self.parameters = make_unit(layout, nominal, seed)
-        self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.thickness)
+        self.heights = uneven_heights(layout, nominal.unevenness, seed)
+        self._stack = Stack([self.made], calibration(layout, nominal), self.parameters.layer.thickness)
 
     @classmethod
     def unit(cls, layout: TaxelLayout, seed: int, parameters: PadParameters | None = None) -> MagneticPad:
@@ -130,7 +134,7 @@ class MagneticPad:
 def calibration(layout: TaxelLayout, nominal: PadParameters) -> FloatArray:
     """Return the calibration of each taxel (N/T), ``(3, 3, N)``, fitted to presses of single nominal taxels."""
     made, own = make_unit(layout, nominal, None)
-    stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.thickness)
+    stack = Stack([made], np.zeros((3, 3, layout.taxels)), own.layer.thickness)
     loads = size_of(layout) * np.array([(p * a, p * b, p) for p in CALIBRATION_PRESSES for a in DRAGS for b in DRAGS])
     maps = np.empty((3, 3, layout.taxels))
     for taxel in range(layout.taxels):

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.layer.layer import Layer
 from paxisim.layout import TaxelLayout
 
 VACUUM = 4e-7 * math.pi
 """Permeability of vacuum (T m / A)."""
 PITCH = 26.1e-3 / 6, 22.6e-3 / 5
 """Taxel size (m) of the default parameters: 6x5 taxels on a pad of 26.1 by 22.6 mm."""
+MAX_UNEVENNESS = 0.5e-3
+"""Largest unevenness of a design (m): half the thickness of a taxel cube."""
+LAYER = Layer()
+"""Gel of the default parameters."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +30,7 @@ class PadParameters:
     other sizes. All spreads are standard deviations.
 
     Attributes:
-        modulus: Young's modulus of the gel (Pa). Ours: silicones of Shore 00-50 to A 30 have 0.1 to 1.2 MPa.
-        poisson: Poisson's ratio of the gel; rubber is nearly incompressible.
-        thickness: Thickness of the gel, which is bonded to a rigid base (m). Ours.
+        layer: The gel, bonded to a rigid base. `Gel.of` makes MuJoCo's springs of the same layer.
         magnet_depth: Depth of the magnets' centres below the surface (m). Ours.
         sensor_gap: Distance from the base to the Hall sensors below it (m). Ours.
         remanence: Remanence of the magnets (T). NdFeB of grade N52 has 1.43 to 1.48; bonded and small magnets less.
@@ -41,16 +44,17 @@ class PadParameters:
         modulus_spread: Spread of the gel's modulus between units, relative (log-normal). Ours.
         gain_spread: Spread of the gains of each Hall sensor's axes, relative. MLX90393 data sheet: a few per cent.
         turn_spread: Spread of each Hall sensor's orientation on the board (rad). Ours.
+        unevenness: Distance (m) from the lowest to the highest taxel of an average unit's surface, which has 0.5 to 1.5
+            times as much. Ours, and the size of GCS's bumps; the paper reports uneven pads without a figure. It changes
+            no readings: set `MagneticPad.heights` in the simulator.
         earth: Flux density of the earth's field (T), with a random direction for each unit. 25 to 65 uT by location.
 
     Raises:
-        InvalidValueError: A length, modulus, remanence, volume or range is not positive, the magnets are not inside the
-            gel, or Poisson's ratio is not from 0 to below 0.5.
+        InvalidValueError: A length, remanence, volume or range is not positive, the magnets are not inside the gel, the
+            gel is not a `Layer` that is bonded to its base, or the unevenness is not from 0 to 0.5 mm.
     """
 
-    modulus: float = 0.5e6
-    poisson: float = 0.48
-    thickness: float = 3e-3
+    layer: Layer = LAYER
     magnet_depth: float = 1.2e-3
     sensor_gap: float = 1e-3
     remanence: float = 1.2
@@ -64,28 +68,37 @@ class PadParameters:
     modulus_spread: float = 0.1
     gain_spread: float = 0.02
     turn_spread: float = 0.02
+    unevenness: float = 0.2e-3
     earth: float = 50e-6
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for name in ("modulus", "thickness", "magnet_depth", "sensor_gap", "remanence", "magnet_volume", "range"):
+        if not isinstance(self.layer, Layer):
+            raise InvalidValueError(f"expected a paxisim.Layer as the gel, got {self.layer!r}")
+        if not self.layer.bonded:
+            raise InvalidValueError("a magnetic pad needs a bonded layer: nothing holds another against a shear force")
+        for name in ("magnet_depth", "sensor_gap", "remanence", "magnet_volume", "range"):
             if not 0 < getattr(self, name) < np.inf:
                 raise InvalidValueError(f"{name} must be positive, got {getattr(self, name)!r}")
-        if not self.magnet_depth < self.thickness:
+        if not 0 <= self.unevenness <= MAX_UNEVENNESS:
+            raise InvalidValueError(f"unevenness must be from 0 to {MAX_UNEVENNESS:g} m, got {self.unevenness!r}")
+        if not self.magnet_depth < self.layer.thickness:
             raise InvalidValueError(
-                f"magnet_depth must be less than the thickness of the gel, {self.thickness:g} m, got "
+                f"magnet_depth must be less than the thickness of the gel, {self.layer.thickness:g} m, got "
                 f"{self.magnet_depth:g}"
             )
-        if not 0 <= self.poisson < 0.5:
-            raise InvalidValueError(f"poisson must be from 0 to below 0.5, got {self.poisson!r}")
 
     @classmethod
     def for_layout(cls, layout: TaxelLayout) -> PadParameters:
-        """Return the default parameters with all lengths scaled to the taxel size of a layout."""
+        """Return the default parameters with all lengths scaled to the taxel size of a layout.
+
+        The unevenness is that of the mould and stays the same.
+        """
         scale = size_of(layout) ** 0.5
-        lengths = ("thickness", "magnet_depth", "sensor_gap", "place_spread")
+        lengths = ("magnet_depth", "sensor_gap", "place_spread")
         values = {name: scale * getattr(cls, name) for name in lengths}
-        return cls(magnet_volume=scale**3 * cls.magnet_volume, **values)
+        layer = replace(LAYER, thickness=scale * LAYER.thickness)
+        return cls(layer, magnet_volume=scale**3 * cls.magnet_volume, **values)
 
     @property
     def moment(self) -> float:
@@ -95,7 +108,7 @@ class PadParameters:
     @property
     def distance(self) -> float:
         """Distance from a magnet at rest to the Hall sensor below it (m)."""
-        return self.thickness - self.magnet_depth + self.sensor_gap
+        return self.layer.thickness - self.magnet_depth + self.sensor_gap
 
 
 def size_of(layout: TaxelLayout) -> float:

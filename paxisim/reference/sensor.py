@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.augment.parameter_spec import namespace
 from paxisim.augment.transform import Covariates, State, Transform
@@ -31,6 +32,8 @@ class MagneticSensor(Transform):
     Example::
 
         real = paxisim.Chain([MagneticSensor(layout, unit=7), paxisim.augment.Firmware()])
+
+    The pads' surfaces are uneven. A transform cannot change what presses on them: give `heights` to the simulator.
 
     Attributes:
         layout: Layout of each pad, a flat grid.
@@ -78,6 +81,14 @@ class MagneticSensor(Transform):
             raise InvalidValueError(f"a sensor has at most {_UNITS} pads, got {count}")
         return [MagneticPad.unit(self.layout, self.unit * _UNITS + i, self.parameters) for i in range(count)]
 
+    def heights(self, count: int) -> NDArray[np.float64]:
+        """Return the uneven surfaces of the first `count` pads, ``(count, rows, cols)`` m, for `paxisim.set_surface`.
+
+        Raises:
+            InvalidValueError: The number is not from 0 to 1000.
+        """
+        return np.array([pad.heights for pad in self.pads(count)]).reshape(count, self.layout.rows, self.layout.cols)
+
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
         self.layout.check(x)
@@ -107,7 +118,7 @@ class MagneticSensor(Transform):
         """Return the pads as one stack, built on first use."""
         if count not in self._stacks:
             made = [pad.made for pad in self.pads(count)]
-            stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.thickness)
+            stack = Stack(made, calibration(self.layout, self.parameters), self.parameters.layer.thickness)
             self._stacks[count] = stack, Facing(made, self.zeroed_at) if self.covariate else None
         return self._stacks[count]
 

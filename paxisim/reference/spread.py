@@ -22,7 +22,8 @@ class Spread:
 
     def of(self, nominal: PadParameters) -> PadParameters:
         """Draw the parameters of the unit."""
-        return replace(nominal, modulus=nominal.modulus * np.exp(nominal.modulus_spread * self._rng.standard_normal()))
+        modulus = nominal.layer.modulus * np.exp(nominal.modulus_spread * self._rng.standard_normal())
+        return replace(nominal, layer=replace(nominal.layer, modulus=modulus))
 
     def magnets(self, places: FloatArray, moments: FloatArray, own: PadParameters) -> tuple[FloatArray, FloatArray]:
         """Draw positions (m) and moments (A m^2) of the magnets about the nominal ones."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib.resources import files
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
 from paxisim.models.attach import TactileGripper, attach
@@ -49,7 +51,7 @@ _PEG = """
 """
 
 
-def indenter(layout: TaxelLayout) -> Scene:
+def indenter(layout: TaxelLayout, heights: NDArray[np.floating] | None = None) -> Scene:
     """Build a scene in which a stage presses a ball on one pad that lies face up.
 
     The streams are ``x`` and ``y``, along the pad's own axes from its centre, and ``depth``, which is 0 where the ball
@@ -57,8 +59,9 @@ def indenter(layout: TaxelLayout) -> Scene:
 
     Args:
         layout: Taxel layout of the pad.
+        heights: ``(rows, cols)`` thickness of each taxel cube (m), as for `Pad`. Default: a flat pad.
     """
-    bench = attach(_INDENTER, Pad(layout), [Mount("bench", quat=(0.0, 1.0, 0.0, 0.0), name="pad")])
+    bench = attach(_INDENTER, Pad(layout, heights=heights), [Mount("bench", quat=(0.0, 1.0, 0.0, 0.0), name="pad")])
     drives = tuple(Drive(name, joint=name, unit="m") for name in ("x", "y", "depth"))
     return Scene(bench.to_xml(), drives, closing="depth")
 

@@ -9,6 +9,8 @@ from scenes import PAPER, POOLED, compiled, plate_under_pad, set_options, settle
 
 from paxisim.bump import GaussianBump
 from paxisim.errors import InvalidValueError
+from paxisim.layer.contact import pressed
+from paxisim.layer.layer import Layer
 from paxisim.layout import TaxelLayout
 from paxisim.models.gel import STIFFENING, Gel
 from paxisim.models.pad import Pad
@@ -43,6 +45,16 @@ def test_units():
     assert Gel().stiffness(POOLED) == pytest.approx(596, abs=1)
     assert Gel() == Gel(100e3, 3.3e-3, 0.04, 1.0) != Gel(friction=0.9)
     assert hash(Gel()) == hash(Gel())
+
+
+def test_springs_of_a_layer_sink_under_a_plate_as_the_layer_does():
+    layer = Layer(0.2e6, 0.48, 3e-3)
+    gap, fine = np.zeros(24 * 20), TaxelLayout(24, 20, (26.1e-3 / 24, 22.6e-3 / 20))
+    _, depth = pressed(layer.compliance(fine), gap, 8.0)
+    assert 8.0 / pressed_stiffness(Pad(POOLED, gel=Gel.of(layer, POOLED)), 8.0) == pytest.approx(depth, rel=0.02)
+    one = Pad(TaxelLayout(1, 1, POOLED.pitch), gel=Gel.of(layer, POOLED, "taxel"))
+    alone = layer.compliance(one.layout)[0, 0]  # under an even load, which yields a little more than under a face
+    assert 0.85 < 1 / (alone * pressed_stiffness(one, 0.5)) < 1
 
 
 ALL_SCENES = list(itertools.product([0.1, 0.5, 5.0], [1e-3, 2e-3], CONES, [1, 10], [1.0, 20.0]))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from paxisim import InvalidValueError, TaxelLayout
-from paxisim.reference.bonded_layer import layer_response
+from paxisim import InvalidValueError, Layer, TaxelLayout
+from paxisim.layer.response import layer_response
 from paxisim.reference.dipoles import field, turned
 from paxisim.reference.pad import MagneticPad
 from paxisim.reference.parameters import PadParameters
@@ -70,6 +70,18 @@ def test_units_differ_in_scale_by_axis_and_taxel_and_a_number_is_a_unit():
     assert (a[2] - MagneticPad(LAYOUT).read(force)[2]).std() > 0.05 * a[2].mean()
 
 
+def test_a_number_is_the_same_unit_in_every_version():
+    """Recordings and results name units by their numbers."""
+    force = np.zeros((3, 6, 5)) + np.array([0.05, 0.0, 0.27])[:, None, None]
+    for seed, corner, total in (
+        (7, [-0.01785241, -0.10154946, 0.1793728], [4.00875105, -0.0739618, 2.98963289]),
+        (1234, [-0.03561559, -0.10696921, 0.25228456], [5.10789559, 0.10892, 3.60525292]),
+    ):
+        read = MagneticPad.unit(LAYOUT, seed).read(force)
+        np.testing.assert_allclose(read[:, 0, 0], corner, atol=1e-7)
+        np.testing.assert_allclose(read.sum(axis=(1, 2)), total, atol=1e-7)
+
+
 def test_neighbours_are_read_too(nominal):
     """The gel and the magnets' superposed fields cause crosstalk, which the paper's transforms leave out.
 
@@ -78,7 +90,7 @@ def test_neighbours_are_read_too(nominal):
     read = nominal.read(pressed((2, 2), (0, 0, 1.0)))[2]
     assert -0.3 < read[2, 3] < -0.02
     assert abs(read[2, 3]) > 3 * abs(read[2, 4])
-    foam = MagneticPad(LAYOUT, PadParameters(poisson=0.1)).read(pressed((2, 2), (0, 0, 1.0)))[2]
+    foam = MagneticPad(LAYOUT, PadParameters(Layer(poisson=0.1))).read(pressed((2, 2), (0, 0, 1.0)))[2]
     assert foam[2, 3] > read[2, 3]
 
 
@@ -110,12 +122,14 @@ def test_a_unit_reads_the_sum_of_its_own_magnets():
 def test_each_magnet_moves_as_the_gel_does_where_it_is():
     """A manufactured magnet is neither at its nominal depth nor in the middle of its taxel."""
     pad = MagneticPad.unit(LAYOUT, 5)
-    own, places = pad.parameters, pad.made.magnets.T
+    layer, places = pad.parameters.layer, pad.made.magnets.T
     force = np.random.default_rng(5).uniform(0, 1e-3, (3, 6, 5))  # small: the gel does not stiffen yet
     moved, rotated = pad.motion(force)
     for magnet in (0, 13, 29):
         offsets = places[magnet, :2] - LAYOUT.positions[:, :2]
-        responses = layer_response(offsets, places[magnet, 2], own.thickness, own.modulus, own.poisson, LAYOUT.pitch)
+        responses = layer_response(
+            offsets, places[magnet, 2], layer.thickness, layer.modulus, layer.poisson, LAYOUT.pitch
+        )
         for got, response in zip((moved, rotated), responses, strict=True):
             exact = np.einsum("nij,jn->i", response, force.reshape(3, 30))
             np.testing.assert_allclose(got.reshape(3, 30)[:, magnet], exact, atol=0.02 * np.abs(exact).max())
@@ -167,7 +181,8 @@ def test_what_cannot_be_built_is_refused():
         (lambda: MagneticPad.unit(LAYOUT, -1), "0 or more"),
         (lambda: MagneticPad.unit(LAYOUT, 1.5), "0 or more"),
         (lambda: PadParameters(magnet_depth=4e-3), "magnet_depth"),
-        (lambda: PadParameters(poisson=0.5), "poisson"),
+        (lambda: PadParameters(Layer(bonded=False)), "shear"),
+        (lambda: PadParameters(0.5e6), "paxisim.Layer"),  # type: ignore[arg-type]
         (lambda: PadParameters(remanence=-1.0), "remanence"),
         (lambda: MagneticPad(LAYOUT).read(np.zeros((3, 5, 6))), "6"),
     ):

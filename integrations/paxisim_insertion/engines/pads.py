@@ -12,7 +12,10 @@ import paxisim
 
 _CUBES = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2))  # the paper's sensor
 
-PAD = replace(_CUBES, taxels="spheres", thickness=4e-3, mass=2e-3)
+GEL = paxisim.Gel(modulus=100e3, thickness=3.3e-3)
+"""The gel on which the shipped policies were trained, whatever paxisim's default is."""
+
+PAD = replace(_CUBES, taxels="spheres", thickness=4e-3, mass=2e-3, gel=GEL)
 """The pad of both scenes. A grip of 30 N indents the gel by more than 1 mm; balls allow their radius, here 2 mm."""
 
 BEHIND = PAD.thickness - _CUBES.thickness

@@ -1,6 +1,7 @@
-"""Displacement and rotation inside a soft layer bonded to a rigid base, under a load on its surface.
+"""Displacement and rotation inside a soft layer on a rigid base, under a load on its surface.
 
-The layer is linear elastic, isotropic, of constant thickness and infinite in x and y. A Fourier transform over the
+The layer is linear elastic, isotropic, of constant thickness and infinite in x and y. It is bonded to its base, or, for
+normal loads, lies on a smooth one. A Fourier transform over the
 surface (Sneddon, *Fourier Transforms*, 1951; Johnson, *Contact Mechanics*, 1985, for layers) leaves, for every
 wavenumber k, ordinary differential equations over the depth z. They separate into motion in the plane of the wave and
 the depth, and motion across it. Both have closed-form solutions: exponentials that decay from the surface, and
@@ -44,6 +45,7 @@ def layer_response(
     third of a side. The rotation, which diverges at the edge, stays finite there.
 
     480 scattered points of a 12x10 pad take half a second at the surface; points on a grid or deeper points take less.
+    The layer is bonded to its base: a layer that slides on it cannot hold a shear force.
 
     Args:
         offsets: ``(n, 2)`` points, x and y from the centre of the loaded rectangle (m).
@@ -73,6 +75,47 @@ def layer_response(
     response[0, :, 1, 0] = response[0, :, 0, 1]
     response /= modulus / (2 * (1 + poisson))
     return response[0], response[1]
+
+
+def surface_deflection(
+    offsets: ArrayLike,
+    thickness: float,
+    modulus: float,
+    poisson: float,
+    pitch: tuple[float, float],
+    *,
+    bonded: bool = True,
+) -> _Array:
+    """Return how far the surface sinks under a normal force of 1 N, spread evenly over one rectangle.
+
+    The depth is the mean over a rectangle of the same size at each offset. So the work of one load on the deflection of
+    another is exact, the matrix between the cells of a grid is symmetric and positive, and the edge of the load, where
+    waves are cut off, does not matter.
+
+    Args:
+        offsets: ``(n, 2)`` points, x and y from the centre of the loaded rectangle (m).
+        thickness: Thickness of the layer (m).
+        modulus: Young's modulus (Pa).
+        poisson: Poisson's ratio, 0 to `MAX_POISSON`.
+        pitch: Size of the rectangles (m), (along y, along x) as in `TaxelLayout`.
+        bonded: Whether the layer is bonded to its base; otherwise it slides on it without friction.
+
+    Returns:
+        ``(n,)`` depth (m/N), positive into the pad.
+
+    Raises:
+        InvalidValueError: A value is outside its range, or an offset is larger than `MAX_PITCHES`.
+    """
+    points, sides = _checked(offsets, 0.0, thickness, modulus, poisson, pitch)
+    kx, (x_waves, _), at_x = _waves(points[:, 0], sides[0], 0.0, thickness)
+    ky, (y_waves, _), at_y = _waves(points[:, 1], sides[1], 0.0, thickness)
+    x_waves, y_waves = x_waves * np.sinc(kx * sides[0] / (2 * np.pi)), y_waves * np.sinc(ky * sides[1] / (2 * np.pi))
+    deflection = np.zeros(len(points))
+    for start in range(0, len(ky), len(_NODES)):
+        part = slice(start, start + len(_NODES))
+        push, _ = _in_plane(np.hypot(kx[:, None], ky[part]), 0.0, thickness, poisson, bonded)
+        deflection += np.sum((x_waves @ push.down)[at_x] * y_waves[at_y, part], axis=1)
+    return deflection / (modulus / (2 * (1 + poisson)))
 
 
 def _checked(
@@ -166,7 +209,9 @@ class _Motion(NamedTuple):
     turn: _Array
 
 
-def _in_plane(k: _Array, depth: float, thickness: float, poisson: float) -> tuple[_Motion, _Motion]:
+def _in_plane(
+    k: _Array, depth: float, thickness: float, poisson: float, bonded: bool = True
+) -> tuple[_Motion, _Motion]:
     """Return the motion under a pressure of amplitude 1 and under a shear traction of amplitude i along the wave.
 
     The shear modulus is 1. With s = thickness - z, the displacement is a sum of four solutions of Navier's equations::
@@ -174,13 +219,15 @@ def _in_plane(k: _Array, depth: float, thickness: float, poisson: float) -> tupl
         along:  (a + b k z) exp(-k z)            + (c + d k s) exp(-k s)
         down:  -(a + b (q + k z)) exp(-k z)      + (c + d (q + k s)) exp(-k s)      q = 3 - 4 nu
 
-    Both are zero at the base, which gives c and d from a and b. The tractions at the surface then give a and b.
+    Both are zero at a bonded base, which gives c and d from a and b. A smooth base is like the middle of a layer of
+    twice the thickness with the same load on both faces: there the second pair mirrors the first. The tractions at the
+    surface then give a and b.
     """
     q, n, m = 3 - 4 * poisson, 2 - 2 * poisson, 1 - 2 * poisson
     kh = k * thickness
     e = np.exp(-kh)
     # c = e (c_a a + c_b b), d = e (d_a a + d_b b)
-    c_a, c_b, d_a, d_b = -1.0, -kh, 2 / q, (q + 2 * kh) / q
+    c_a, c_b, d_a, d_b = (-1.0, -kh, 2 / q, (q + 2 * kh) / q) if bonded else (1.0, kh, 0.0, 1.0)
     shear_a = -1 + e**2 * (c_a + d_a * (m + kh))
     shear_b = -m + e**2 * (c_b + d_b * (m + kh))
     pressure_a = 1 + e**2 * (c_a + d_a * (n + kh))

@@ -1,4 +1,4 @@
-"""The bonded layer against a solution by finite elements, made by a library of its own."""
+"""The elastic layer against a solution by finite elements, made by a library of its own."""
 
 import functools
 
@@ -8,7 +8,7 @@ import skfem
 from skfem.helpers import ddot, div, grad, transpose
 from skfem.models.elasticity import lame_parameters
 
-from paxisim.reference.bonded_layer import layer_response
+from paxisim.layer.response import layer_response, surface_deflection
 
 pytestmark = pytest.mark.slow
 
@@ -94,3 +94,19 @@ def test_finite_elements_agree(poisson):
         off_turned = np.linalg.norm(turned - half_curl(slopes)[i], axis=0) / steepest[i]
         assert off.max() < 0.03
         assert off_turned.max() < 0.05
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.48])
+@pytest.mark.parametrize("bonded", [True, False])
+def test_the_surface_sinks_as_finite_elements_say_on_either_base(poisson, bonded):
+    basis, volume, shape, (_, load), (_, held) = finite_elements()
+    if not bonded:  # the base holds back only what moves into it
+        base = basis.mesh.facets_satisfying(lambda x: x[2] > THICKNESS * 1e3 - 1e-9)
+        planes = [basis.get_dofs(lambda x, a=axis: x[a] < 1e-9).all([f"u^{axis + 1}"]) for axis in (0, 1)]
+        held = np.unique(np.concatenate([basis.get_dofs(base).all(["u^3"]), *planes]))
+    first, second = lame_parameters(1.0, poisson)
+    system = skfem.condense(first * volume + second * shape, load, D=held)
+    solution = skfem.solve(*system, solver=skfem.solver_iter_pcg(rtol=1e-8))
+    mean = 4 * load @ solution  # the load is a quarter of 1 N, spread evenly, so its work is a quarter of the mean
+    sunk = surface_deflection([[0.0, 0.0]], 2.0, 1.0, poisson, (1.5, 1.0), bonded=bonded)[0]
+    assert sunk == pytest.approx(mean, rel=0.01)

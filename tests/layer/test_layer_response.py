@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paxisim.errors import InvalidValueError
-from paxisim.reference.bonded_layer import layer_response
+from paxisim.layer.response import layer_response
 from paxisim.reference.half_space import half_space_response
 
 PITCH = (1.5e-3, 1e-3)
