@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,9 @@ from paxisim.augment.around import check_intervals, drawn
 from paxisim.augment.chain import Chain
 from paxisim.augment.draws import normal, uniform
 from paxisim.augment.gains import AxisGain, PadAxisGain, TaxelGain
+from paxisim.augment.gel_operator import KINDS, SKEWED, GelOperator
 from paxisim.augment.offset import Offset
+from paxisim.augment.parameter_spec import as_like
 from paxisim.augment.poisson import Poisson
 from paxisim.augment.transform import Transform
 from paxisim.bump import GaussianBump, bump_heights
@@ -37,6 +39,8 @@ class Ranges:
         deviation: Bounds of the uniform distribution of s_x and s_y, the bump's deviations in taxels.
         offset: Largest magnitude (N) of a constant shared by all taxels of a pad, uniform for each pad and axis. It
             models a sensor that was zeroed in another field. The paper has none; 0 draws none.
+        operator: Half-width of the uniform distribution of each number of `GCS.operator`, as a share of it. Ours: over
+            twelve units of the magnetic pad the standard deviation of the large numbers is 0.10 to 0.14 of their mean.
 
     Raises:
         InvalidValueError: Bounds are in the wrong order, not finite or negative, or a probability is outside [0, 1].
@@ -48,6 +52,7 @@ class Ranges:
     convolution: tuple[float, float] = (0.1, 0.3)
     deviation: tuple[float, float] = (1.0, 3.0)
     offset: float = 0.0
+    operator: float = 0.25
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -62,6 +67,8 @@ class Ranges:
             raise InvalidValueError(f"GCS: dropout must be a probability, got {self.dropout!r}")
         if not 0 <= self.offset < math.inf:
             raise InvalidValueError(f"GCS: offset must be finite and at least 0 N, got {self.offset!r}")
+        if not 0 <= self.operator <= 1:
+            raise InvalidValueError(f"GCS: operator must be a share from 0 to 1, got {self.operator!r}")
 
 
 @dataclass(frozen=True)
@@ -85,13 +92,15 @@ class GCS:
     Attributes:
         ranges: Distributions to draw from.
         geometry: Whether to draw bumps (G); otherwise `sample_surface` gives flat pads.
-        convolution: Whether to put a `Poisson` in the chain (C).
+        convolution: Whether to put a `Poisson` in the chain (C), or an operator.
         scaling: Whether to put gains in the chain (S).
         taxel_gain_is_variance: Whether 0.25 is the variance.
         dropout_of: ``"taxel"``, or ``"gain"``: a dropped taxel keeps the gain 1.
         axis_gain_per_pad: Whether to draw alpha_k for each pad.
         reach: Reach of the convolution kernel, see `Poisson`.
         falloff: Falloff of the convolution kernel, see `Poisson`.
+        operator: Operator of the product's soft layer, such as `paxisim.nominal_operator`, to draw around in place of
+            the paper's convolution, which is one of its parts. Default: the paper's.
 
     Raises:
         InvalidValueError: `dropout_of` is neither of its options, or `reach` or `falloff` is out of range.
@@ -106,6 +115,7 @@ class GCS:
     axis_gain_per_pad: bool = False
     reach: float = 1.5
     falloff: float = 1.0
+    operator: GelOperator | None = None
 
     def __post_init__(self) -> None:
         """Check the options."""
@@ -141,9 +151,10 @@ class GCS:
             pads: Number of pads.
 
         Returns:
-            Chain of those of ``poisson``, ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain`` that are switched on,
-            and ``offset`` if its range is not 0. Parameters are float32: ``cx, cy (*batch)``, ``(*batch, 3)`` (or
-            ``(*batch, pads, 3)``), ``(*batch, pads, rows, cols)`` and ``(*batch, pads, 3, rows, cols)``.
+            Chain of those of ``poisson`` (or ``gel_operator``), ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``
+            that are switched on, and ``offset`` if its range is not 0. Parameters are float32: ``cx, cy (*batch)`` (or
+            the operator's ``(*batch, M)``), ``(*batch, 3)`` (or ``(*batch, pads, 3)``), ``(*batch, pads, rows, cols)``
+            and ``(*batch, pads, 3, rows, cols)``.
         """
         positions = None if layout.is_grid else layout
         return self.sample_taxels(rng, tuple(batch_shape), (pads, layout.rows, layout.cols), positions)
@@ -163,7 +174,7 @@ class GCS:
         kept = uniform(rng, taxels_shape, (0.0, 1.0)) >= ranges.dropout
         taxel_gain = taxel_gain * kept if self.dropout_of == "taxel" else taxel_gain * kept + ~kept
         members: list[Transform] = []
-        if self.convolution:
+        if self.convolution and self.operator is None:
             members.append(Poisson(cx, cy, reach=self.reach, falloff=self.falloff, layout=positions))
         if self.scaling:
             members.append(PadAxisGain(axis_gain) if self.axis_gain_per_pad else AxisGain(axis_gain))
@@ -172,7 +183,21 @@ class GCS:
             shared = uniform(rng, (*batch_shape, taxels[0], 3), (-ranges.offset, ranges.offset))[..., None, None]
             reads = taxel_gain > 0 if self.scaling else taxel_gain >= 0  # a dropped taxel stays at 0
             members.append(Offset(shared * reads[..., None, :, :]))
+        if self.convolution and self.operator is not None:  # drawn last: the others stay what they are without it
+            members.insert(0, self._drawn_operator(self.operator, rng, batch_shape, positions))
         return Chain(members)
+
+    def _drawn_operator(
+        self, operator: GelOperator, rng: Any, batch: tuple[int, ...], positions: TaxelLayout | None
+    ) -> GelOperator:
+        """Return the operator with each of its numbers multiplied by a factor around 1."""
+        reach = self.ranges.operator
+        drawn = {}
+        for name in ("own_shear", "own_normal", *KINDS, *SKEWED):
+            value = np.asarray(getattr(operator, name), dtype=np.float32)
+            factor = uniform(rng, (*batch, *value.shape), (1 - reach, 1 + reach))
+            drawn[name] = factor * as_like(value, factor)
+        return replace(operator, **drawn, layout=positions)
 
     def sample_surface(
         self,

@@ -5,7 +5,7 @@ import pytest
 from forces import needs_torch, torch
 from scipy import stats
 
-from paxisim.augment import AxisGain, Poisson, TaxelGain
+from paxisim.augment import AxisGain, GelOperator, Poisson, TaxelGain
 from paxisim.augment.gcs import GCS, PAPER_LAYOUT, Ranges
 from paxisim.bump import GaussianBump
 from paxisim.layout import TaxelLayout
@@ -27,7 +27,7 @@ def drawn(rng, gcs=None, environments=4000, **options):
     return {
         f"{name}.{field}": np.asarray(getattr(member, field), dtype=float)
         for name, member in zip(chain.names, chain, strict=True)
-        for field in ("cx", "cy", "gain", "value")
+        for field in ("cx", "cy", "gain", "value", "poisson", "own_normal", "taken")
         if hasattr(member, field)
     }
 
@@ -162,3 +162,23 @@ def test_layouts():
     paper = sensor("paxini-gen1-l4629").layout.pool(2, 2)
     assert (PAPER_LAYOUT.rows, PAPER_LAYOUT.cols) == (paper.rows, paper.cols)
     np.testing.assert_allclose(PAPER_LAYOUT.pitch, paper.pitch)
+
+
+def test_an_operator_is_drawn_around_the_product_s_in_place_of_the_convolution(rng):
+    product = GelOperator(-0.1, -0.2, poisson=(0.4, 0.1), along=(0.8, 0.7), taken=0.5)
+    values = drawn(rng, GCS(Ranges(operator=0.25), operator=product), 4000)
+    assert "poisson.cx" not in values
+    shares = values["gel_operator.poisson"] / [0.4, 0.1]
+    assert_drawn_from(shares, stats.uniform(0.75, 0.5))
+    assert_drawn_from(values["gel_operator.own_normal"], stats.uniform(-0.25, 0.1))
+    assert abs(np.corrcoef(shares.T)[0, 1]) < 0.06
+    assert values["gel_operator.taken"] == 0.5
+
+
+def test_an_operator_leaves_the_other_draws_as_they_are():
+    operator, force = GelOperator(poisson=(0.4, 0.1)), np.ones((5, 2, 3, 6, 5), dtype=np.float32)
+    with_it, without = (gcs.sample(np.random.default_rng(1), (5,)) for gcs in (GCS(operator=operator), GCS()))
+    np.testing.assert_array_equal(with_it["taxel_gain"].gain, without["taxel_gain"].gain)
+    assert with_it(force).shape == force.shape
+    alone = GCS(convolution=False, operator=operator).sample(np.random.default_rng(1))
+    assert alone.names == ("axis_gain", "taxel_gain")
