@@ -280,7 +280,7 @@ class Cause:
             own = iter(values)
             return [f.neutral if f.name in part.parameters else float(next(own)) for f in whole.free(problem)]
 
-        def starts(problem: Problem) -> list[Values]:
+        def starts(problem: Problem) -> Sequence[Values]:
             kept = [f.name not in part.parameters for f in whole.free(problem)]
             shortened = [tuple(compress(start, kept)) for start in whole.starts(problem)]
             about = free(problem)

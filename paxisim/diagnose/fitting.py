@@ -53,8 +53,6 @@ class Fit:
         constant: ``(pads, 3, rows, cols)`` N or 0, a known constant offset that was not fitted.
         effects: By cause, the energy of its effect on the reading with the other causes unchanged, in units of the
             noise; for a course, the energy of the offset that it adds.
-        likeness: By two causes, the share of the second one's effect that the form of the first could mimic; see
-            `Squares.likeness`.
         energy: ``(units,)`` squared residual of the fit to all episodes, in units of the noise.
         heldout: ``(units,)`` squared residual of each unit when held out, in units of the noise.
     """
@@ -64,7 +62,6 @@ class Fit:
     folds: tuple[Part, ...]
     constant: FloatArray | float
     effects: Mapping[str, float]
-    likeness: Mapping[tuple[str, str], float]
     energy: FloatArray
     heldout: FloatArray
 
@@ -133,24 +130,27 @@ class Fitter:
         values, zero = self._descend(squares, causes, {} if start is None else start.whole.values)
         residual, slopes = squares.linearised(values, zero)
         whole = _part(squares, values, zero, shapes)
-        effects = squares.effects(values, whole.zero)
-        likeness = squares.likeness(effects, slopes)
-        energies = {name: float(np.sum(effect**2)) * self.samples for name, effect in effects.items()}
+        energies = {n: e * self.samples for n, e in squares.effects(values, whole.zero).items()}
         heldout, folds = np.zeros(len(self.fold)), []
         for number, part in enumerate(parts):
             own = Squares(Model(self.problem, causes, part), causes)
             part_values, left = own.refit(values, zero, residual, slopes)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
             folds.append(_part(own, part_values, zero, shapes))
-        return Fit(tuple(causes), whole, tuple(folds), constant, energies, likeness, self._by_unit(residual), heldout)
+        return Fit(tuple(causes), whole, tuple(folds), constant, energies, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit) -> Fit:
-        """The fit with its folds refitted from scratch, without any use of the fit to all episodes."""
+        """The fit with its folds refitted from scratch.
+
+        Of the fit to all episodes they use the Jacobian alone, which steers the first steps but not where they end.
+        """
         heldout, folds = np.zeros(len(self.fold)), []
+        slopes = self.linearised(fit)[2]
         for number in range(int(self.fold.max()) + 1):
             shapes = self._shapes(fit.causes, None, number)
             part = self._for_fit(fit.causes, shapes, None, fit.constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
+            own.begin_with(slopes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]

@@ -97,7 +97,7 @@ class Search:
     def evidence_of_parts(self, chosen: Sequence[str], name: str) -> list[Evidence]:
         """Test each part of a cause of a set: the model compared with the model refitted without the part."""
         item, fit = self.causes[name], self.fit(chosen)
-        needed = self.material + self._mimicked(fit, name)
+        needed = self.material + self._misfit(fit, name)
         out = []
         for part in item.parts if len(item.parts) > 1 else ():
             amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
@@ -110,15 +110,11 @@ class Search:
         start = self.fit(chosen).lacking(name, part, self.problem)
         return self.fitter.fit(start.causes, start)
 
-    def _mimicked(self, fit: Fit, name: str) -> float:
-        """Energy that a cause could gain from what the forms of the others cannot say.
+    def _misfit(self, fit: Fit, name: str) -> float:
+        """Energy that the forms of the other causes may leave unexplained, which a cause could gain."""
+        return sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
 
-        Of the energy that a form leaves unexplained, a cause gains as much as it resembles that form's directions.
-        """
-        others = ((n, energy) for n, energy in fit.effects.items() if n != name)
-        return sum(self.causes[n].misfit * energy * fit.likeness[n, name] for n, energy in others)
-
-    def _without_parts(self, names: Sequence[str], name: str, exact: bool) -> Fit:
+    def _without_parts(self, names: Sequence[str], name: str) -> Fit:
         """The fit of a set with only those parameters of a cause that belong to none of its parts; cached."""
         key = frozenset(names), name
         if key not in self._without:
@@ -126,7 +122,7 @@ class Search:
             for part in self.causes[name].parts:
                 start = start.lacking(name, part, self.problem)
             self._without[key] = self.fitter.fit(start.causes, start)
-        return self.exact(self._without[key]) if exact else self._without[key]
+        return self._without[key]
 
     def _replace(self, item: Cause) -> None:
         """Replace a cause, and forget the fits that contain it."""
@@ -189,13 +185,12 @@ class Search:
         """Test one cause of a set; `exact` uses independently fitted folds."""
         item = self.causes[name]
         fit, without = self.fit(names), self.without(names, name)
+        if item.parts:  # what its calibration convention owns is not enough to name it
+            without = min(without, self._without_parts(names, name), key=lambda own: own.heldout.sum())
         if exact:
             fit, without = self.exact(fit), self.exact(without)
-        if item.parts:  # what its calibration convention owns is not enough to name it
-            bare = self._without_parts(names, name, exact)
-            without = min(without, bare, key=lambda own: own.heldout.sum())
         gain = without.heldout - fit.heldout
-        needed = item.price * self.material + self._mimicked(fit, name)
+        needed = item.price * self.material + self._misfit(fit, name)
         amount = np.inf
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)

@@ -7,7 +7,7 @@ of 100,000 rows where the normal equations of about ten parameters suffice (`ben
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -115,14 +115,20 @@ class Squares:
         return values
 
     def linearised(self, values: Fitted, zero: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The residual at these values and its ``(free, residuals)`` Jacobian, per unit of each parameter's scale."""
+        """The residual at these values and its ``(free, residuals)`` Jacobian, per unit of each parameter's scale.
+
+        The Jacobian with which a descent to these values ended is near enough.
+        """
         residual = self.residual(values, zero)
-        return residual, self._slopes(values)
+        known = self._kept is not None and self.rows.fitted is None
+        return residual, self._kept if known else self._slopes(values)  # type: ignore[return-value]
 
-    def effects(self, values: Fitted, zero: FloatArray) -> dict[str, FloatArray]:
-        """``(T, channels)`` effect of each cause on the residual, or the offset that a course adds.
+    def begin_with(self, slopes: FloatArray) -> None:
+        """Descend with this Jacobian as long as its steps decrease the energy as predicted."""
+        self._kept = self._used_rows(slopes) if self.free else None
 
-        Call `linearised` first.
+    def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
+        """Energy of each cause's effect on the residual, or of the offset that a course adds; call `linearised` first.
 
         Args:
             values: Values by cause.
@@ -134,37 +140,12 @@ class Squares:
             if item.course is None:
                 without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
                 self.model.solved = solved
-                out[item.name] = self.rows.weigh(base - without).reshape(len(base), -1)
+                out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
         for item in courses_of(self.causes):
             assert self.rows.curves is not None
             own = self.rows.curves_owned_by(item.name)
             added = np.tensordot(self.rows.curves[own].T, zero[own], 1)
-            out[item.name] = (added * self.rows.weight).reshape(len(base), -1)
-        return out
-
-    def likeness(self, effects: Mapping[str, FloatArray], slopes: FloatArray) -> dict[tuple[str, str], float]:
-        """Share of the second cause's effect that lies in the directions of the first one's form, by pair of names.
-
-        These directions are the derivatives of the first cause's effect by its parameters and the effect itself; for
-        one with a parameter of its own for each channel, the effect of each channel.
-        """
-        out = {}
-        for first in self.causes:
-            own = np.array([name == first.name for name, _, _ in self.free], dtype=bool)
-            if first.local is None and first.course is None:
-                columns = np.vstack([slopes[own], effects[first.name].reshape(1, -1)])
-                basis = np.linalg.qr(columns.T)[0]
-            for second in effects:
-                if second == first.name:
-                    continue
-                other = effects[second]
-                whole = max(float(np.sum(other**2)), 1e-12)
-                if first.local is None and first.course is None:
-                    like = float(np.sum((basis.T @ other.ravel()) ** 2))
-                else:
-                    mine = effects[first.name]
-                    like = float(np.sum(np.sum(mine * other, axis=0) ** 2 / np.maximum(np.sum(mine**2, axis=0), 1e-12)))
-                out[first.name, second] = like / whole
+            out[item.name] = float(np.sum((added * self.rows.weight) ** 2))
         return out
 
     def refit(
