@@ -30,8 +30,8 @@ AUGMENT = """
     TaxelDirection TaxelGain TemperatureDrift TotalForce Transform WhiteNoise encoding parameter parameters
 """
 DIAGNOSE = """
-    Cause Diagnosis FittedParameter FoundCause Free HeldOut Interval LeftOver Place Symptoms diagnose known_causes
-    register_cause
+    Cause Diagnosis FittedParameter FoundCause FoundPart Free HeldOut Interval LeftOver Place Symptoms diagnose
+    known_causes register_cause
 """
 
 PACKAGES = {paxisim: PUBLIC, paxisim.augment: AUGMENT, paxisim.diagnose: DIAGNOSE}

@@ -3,6 +3,7 @@ from .cause import Free as Free
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import FittedParameter as FittedParameter
 from .diagnosis import FoundCause as FoundCause
+from .diagnosis import FoundPart as FoundPart
 from .diagnosis import HeldOut as HeldOut
 from .diagnosis import Interval as Interval
 from .diagnosis import LeftOver as LeftOver
