@@ -161,7 +161,10 @@ def recalibrated(model: paxisim.Chain, unit: int, uneven: bool) -> tuple[float, 
     first, second = said(model, seen), said(model, held)
     offset = (seen.measured - first).mean(axis=0)
     centred = first - first.mean(axis=0)
-    gain = ((seen.measured - seen.measured.mean(axis=0)) * centred).sum(axis=0) / (centred**2).sum(axis=0)
+    power = (centred**2).sum(axis=0)
+    # a channel that the model hardly moves says nothing about its gain
+    gain = ((seen.measured - seen.measured.mean(axis=0)) * centred).sum(axis=0) / np.maximum(power, 1e-12)
+    gain = np.where(power > len(first) * (COUNT / 10) ** 2, gain, 1.0)
     scaled = seen.measured.mean(axis=0) + gain * (second - first.mean(axis=0))
     errors = [rms(held.measured - guess) for guess in (held.simulated, second, second + offset, scaled)]
     return errors[0], errors[1], errors[2], errors[3]

@@ -194,7 +194,25 @@ class Search:
         amount = np.inf
         if item.course is None:
             amount = item.amount(fit.whole.values[name], self.problem)
-        return Evidence(name, gain, needed, amount, self._passes(gain, needed, amount))
+        kept = self._passes(gain, needed, amount) and not (item.course and self._is_contradicted(fit, name))
+        return Evidence(name, gain, needed, amount, kept)
+
+    def _is_contradicted(self, fit: Fit, name: str) -> bool:
+        """Whether the samples at rest speak against an offset: it is there without contact, too.
+
+        An offset that is only the mean of what another form leaves over helps under load and does harm at rest.
+        """
+        rows = self.fitter.rows(fit.causes, fit.shapes)
+        rest, zero = rows.at_rest, fit.whole.zero
+        assert rows.curves is not None
+        own = rows.curves_owned_by(name)
+        whole = np.tensordot(rows.curves.T[rest], zero, 1) + fit.constant
+        without = whole - np.tensordot(rows.curves[own].T[rest], zero[own], 1)
+        errors = [
+            float(np.sum((rows.weight[rest] * (rows.measured[rest] - rows.read(offset))) ** 2))
+            for offset in (whole, without)
+        ]
+        return (errors[0] - errors[1]) * self.fitter.samples > self.material
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:
         """Linearised gain and name of each cause that could be added to a set, largest first."""

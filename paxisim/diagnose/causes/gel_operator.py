@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from paxisim import augment
 from paxisim.augment.gel_operator import KINDS
 from paxisim.diagnose.cause import Cause, CausePart, Free, Values
 from paxisim.diagnose.causes.channel_curve import no_neighbours
+from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.problem import Problem
 
 SHARED = 0.012  # materiality of the sum of what all neighbours read of a load
@@ -45,6 +48,11 @@ def _size(values: Values, problem: Problem) -> float:
     return float(max(totals)) / SHARED
 
 
+def _held(spread: float) -> float:
+    """Spread of a prior against samples that share an error, as one press in all its samples."""
+    return spread / math.sqrt(CORRELATED_SAMPLES)
+
+
 def _start(**shares: float) -> tuple[float, ...]:
     return tuple(shares.get(name, 0.0) for name in (*OWN, *SHARES, *SKEWS))
 
@@ -55,12 +63,12 @@ GEL_OPERATOR = Cause(
     _operator,
     "probe",
     lambda p: (
-        Free("own_shear", "1", 0.0, -0.9, 2.0, 0.1, spread=0.3, words="change of the gain for shear"),
-        Free("own_normal", "1", 0.0, -0.9, 2.0, 0.1, spread=0.3, words="change of the gain for normal force"),
+        Free("own_shear", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for shear"),
+        Free("own_normal", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for normal force"),
         # the gauge: calibrated on single taxels (0: nothing is lost), or with flat presses (1: they are read correctly)
         Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="0 if a taxel keeps its load, 1 if it loses what it passes on"),
-        *(Free(name, "1", 0.0, -2.0, 2.0, 0.05, 0.003, 0.5 if "far" not in name else 0.2) for name in SHARES),
-        *(Free(name, "1", 0.0, -1.0, 1.0, 0.05, 0.003, 0.2) for name in SKEWS),
+        *(Free(n, "1", 0.0, -2.0, 2.0, 0.05, 0.003, _held(0.2 if n.endswith("far") else 0.5)) for n in SHARES),
+        *(Free(n, "1", 0.0, -1.0, 1.0, 0.05, 0.003, _held(0.2)) for n in SKEWS),
     ),
     lambda p: [
         _start(poisson_next=0.05, poisson_diagonal=0.03),
