@@ -6,6 +6,9 @@ clock, and a tip whose pose in its holder varies between episodes. The table com
 least squares (`hidden_scene/baseline.py`) and counts how often the 90 % intervals contain the true values. A case takes
 some minutes, so outcomes are kept in a file, and an interrupted run resumes.
 
+``--sensor reference --known unit`` reads the forces through a unit of the magnetic pad that was calibrated on another
+recording; ``--known product`` knows only its product's operator.
+
 ``--reports FOLDER`` writes three reports on one minute of motion instead, with seeds that were seen while the search
 was built: a fault of the sensor, one of the scene, and both. Each row has the seconds that the diagnosis took, and the
 largest memory of this process and of a worker.
@@ -26,6 +29,7 @@ from tempfile import TemporaryDirectory
 from harness import Outcome, add_options, diagnosed, run
 from hidden_scene.baseline import fit
 from hidden_scene.cases import CAUSES, case
+from hidden_scene.known import known_sensor
 
 import paxisim
 from paxisim.diagnose.inside.responses import SHOWN
@@ -43,6 +47,7 @@ class Task:
     beside: str
     seed: int
     sensor: str = "chain"
+    known: str = ""
 
     @property
     def name(self) -> str:
@@ -58,8 +63,9 @@ def solve(task: Task) -> Outcome:
     with TemporaryDirectory() as own:  # no two cases share a replay
         least = fit(drawn.recording, drawn.scene, Path(own))
         outcome, found = diagnosed(
-            task.name, kind, drawn.causes, drawn.recording, limit=0.0, scene=drawn.scene, replays=Path(own)
-        )
+            task.name, kind, drawn.causes, drawn.recording, limit=0.0, scene=drawn.scene, replays=Path(own),
+            sensor=known_sensor(task.seed, task.known),
+        )  # fmt: skip
     parameters = drawn.scene.parameters()
     values = {p.name: p.value for c in found.causes for p in c.parameters} if found else {}
     known = [(values[n], v * SHOWN[parameters[n].unit][1]) for n, v in drawn.values.items() if n in values]
@@ -73,12 +79,12 @@ def solve(task: Task) -> Outcome:
     return outcome
 
 
-def tasks(first: int, seeds: int, sensor: str) -> list[Task]:
+def tasks(first: int, seeds: int, sensor: str, known: str) -> list[Task]:
     """Return the cases of each seed: each cause alone, none, and one beside a cause of the sensor."""
     out = []
     for seed in range(first, first + seeds):
         pair = (CAUSES[seed % len(CAUSES)], BESIDE[seed % 3])
-        out += [Task(*causes, seed, sensor) for causes in (*((cause, "") for cause in CAUSES), ("", ""), pair)]
+        out += [Task(*causes, seed, sensor, known) for causes in (*((cause, "") for cause in CAUSES), ("", ""), pair)]
     return out
 
 
@@ -144,12 +150,17 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=100, help="first seed; those below 100 were used in development")
     parser.add_argument("--sensor", choices=("chain", "reference"), default="chain", help="what reads the forces")
     parser.add_argument("--reports", type=Path, metavar="FOLDER", help="write three reports instead")
+    parser.add_argument(
+        "--known", choices=("", "product", "unit"), default="", help="what is known of a magnetic pad beforehand"
+    )
     add_options(parser)
     options = parser.parse_args()
+    if options.known and options.sensor != "reference":
+        parser.error("--known needs --sensor reference")
     if options.reports:
         reports(options.reports, options.jobs)
         return
-    wanted = tasks(options.first, options.seeds, options.sensor)
+    wanted = tasks(options.first, options.seeds, options.sensor, options.known)
     outcomes = run(solve, wanted, options)
     table(outcomes)
     for o in outcomes if options.misses else ():
