@@ -78,7 +78,7 @@ class Gauge:
 
 @dataclass(frozen=True)
 class CausePart:
-    """A part of a cause that is reported with its own gain, and left out of the model if it gains too little.
+    """A part of a cause that is reported with its own gain, and left out of the model if it gains nothing.
 
     Attributes:
         name: Name in reports.

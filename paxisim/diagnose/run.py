@@ -169,9 +169,11 @@ def _named(
 def _parts(
     found: Explanation, squares: SquaredErrors, named: Named, whole: Interval, seed: int, jobs: int
 ) -> tuple[FoundPart, ...]:
-    """The parts of a cause with their gains, largest first; a single part has the gain of the whole."""
+    """The parts of a cause that pass the test of a cause, largest gain first; a single part has that of the whole."""
+    weak = {e.name for e in found.search.evidence_of_parts(found.chosen, named.name) if not e.kept}
     gains = dict.fromkeys(named.cause.parts, whole) | part_gains(found, squares, named, seed, jobs)
     parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]
+    parts = [part for part in parts if part.name not in weak] or parts
     return tuple(sorted(parts, key=lambda part: -part.gain.value))
 
 

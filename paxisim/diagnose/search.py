@@ -81,13 +81,20 @@ class Search:
         if any(not self.causes[n].tacit for n in nuisances) and needed and self.problem.counting.is_steep:
             # a zero offset visible only under load absorbs other effects, so it must be worth its price, too
             bare = self._climbed(tuple(n for n in nuisances if self.causes[n].tacit))
-            found = min(found, bare, key=lambda names: self.objective(names, nuisances=True))
+            without = [tuple(n for n in names if n not in nuisances or self.causes[n].tacit) for names in (found, bare)]
+            sets = dict.fromkeys(filter(None, (found, bare, *without)))
+            found = min(sets, key=lambda names: self.objective(names, nuisances=True, exact=True))
         return self._climbed(found) if self._pruned(found) else found
 
     def _pruned(self, chosen: tuple[str, ...]) -> bool:
-        """Leave out the parts of the chosen causes that gain too little; return whether there were any."""
+        """Leave out the parts of the chosen causes that are small or gain nothing; return whether there were any.
+
+        A part that gains a little stays in the model, although it is not reported.
+        """
         pruned = False
-        while failed := [e for n in chosen for e in self.evidence_of_parts(chosen, n) if not e.kept]:
+        while failed := [
+            e for n in chosen for e in self.evidence_of_parts(chosen, n) if e.gain.sum() <= 0 or e.amount < 1
+        ]:
             weakest = min(failed, key=lambda e: e.share).name
             name, part = next((n, p) for n in chosen for p in self.causes[n].parts if p.name == weakest)
             self._replace(self.causes[name].lacking(part))
@@ -219,15 +226,17 @@ class Search:
         ranking = self._ranking(names)
         return sorted(((ranking.gain([n]), n) for n in ranking.causes), reverse=True)
 
-    def objective(self, names: Sequence[str], nuisances: bool = False) -> float:
+    def objective(self, names: Sequence[str], nuisances: bool = False, exact: bool = False) -> float:
         """Score of a set, lower is better: the held-out error plus the materiality threshold times the causes' prices.
 
         Args:
             names: Names of the causes in the set.
             nuisances: Whether to include the prices of nuisances.
+            exact: Whether to use independently fitted folds.
         """
+        fit = self.exact(self.fit(names)) if exact else self.fit(names)
         price = sum(self.causes[n].price for n in names if nuisances or not self.causes[n].nuisance)
-        return float(self.fit(names).heldout.sum()) + self.material * price
+        return float(fit.heldout.sum()) + self.material * price
 
     def near_misses(self, names: Sequence[str]) -> dict[str, float]:
         """Gain relative to the required gain of each cause that was added to a set and failed the test."""
