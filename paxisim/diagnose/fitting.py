@@ -140,17 +140,12 @@ class Fitter:
         return Fit(tuple(causes), whole, tuple(folds), constant, energies, self._by_unit(residual), heldout)
 
     def exact(self, fit: Fit) -> Fit:
-        """The fit with its folds refitted from scratch.
-
-        Of the fit to all episodes they use the Jacobian alone, which steers the first steps but not where they end.
-        """
+        """The fit with its folds refitted from scratch, without any use of the fit to all episodes."""
         heldout, folds = np.zeros(len(self.fold)), []
-        slopes = self.linearised(fit)[2]
         for number in range(int(self.fold.max()) + 1):
             shapes = self._shapes(fit.causes, None, number)
             part = self._for_fit(fit.causes, shapes, None, fit.constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
-            own.begin_with(slopes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]

@@ -170,6 +170,8 @@ def _parts(
     found: Explanation, squares: SquaredErrors, named: Named, whole: Interval, seed: int, jobs: int
 ) -> tuple[FoundPart, ...]:
     """The parts of a cause that pass the test of a cause, largest gain first; a single part has that of the whole."""
+    if not named.cause.parts:
+        return ()
     weak = {e.name for e in found.search.evidence_of_parts(found.chosen, named.name) if not e.kept}
     gains = dict.fromkeys(named.cause.parts, whole) | part_gains(found, squares, named, seed, jobs)
     parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]

@@ -123,10 +123,6 @@ class Squares:
         known = self._kept is not None and self.rows.fitted is None
         return residual, self._kept if known else self._slopes(values)  # type: ignore[return-value]
 
-    def begin_with(self, slopes: FloatArray) -> None:
-        """Descend with this Jacobian as long as its steps decrease the energy as predicted."""
-        self._kept = self._used_rows(slopes) if self.free else None
-
     def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
         """Energy of each cause's effect on the residual, or of the offset that a course adds; call `linearised` first.
 
