@@ -42,15 +42,14 @@ class KnownSensor:
             raise InvalidValueError(
                 f"sensor must be a paxisim.Chain or a transform, got {type(sensor).__name__}: Chain.load reads a file"
             )
-        members = list(zip(sensor.names, sensor, strict=True)) if isinstance(sensor, Chain) else [("", sensor)]
-        kept = [(name, member) for name, member in members if _stages(member) <= set(LASTING)]
+        whole = sensor if isinstance(sensor, Chain) else Chain([sensor])
+        kept = {n: m for n, m in zip(whole.names, whole, strict=True) if _stages(m) <= set(LASTING)}
         if not kept:
             raise InvalidValueError(
                 "nothing of the given sensor model belongs to the unit itself: expected what a gel or magnets do, such "
-                f"as gel_operator or axis_gain, got {', '.join(name for name, _ in members) or 'an empty chain'}"
+                f"as gel_operator or axis_gain, got {', '.join(whole.names) or 'an empty chain'}"
             )
-        chain = Chain([kept[0][1]]) if kept[0][0] == "" else Chain([m for _, m in kept], [n for n, _ in kept])
-        return cls(chain, tuple(name for name, member in members if (name, member) not in kept))
+        return cls(Chain(kept.values(), kept), tuple(name for name in whole.names if name not in kept))
 
     def seen(self, force: NDArray[np.floating], recording: Recording) -> NDArray[np.float32]:
         """Return what the sensor reads of simulated forces.

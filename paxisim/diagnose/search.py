@@ -67,7 +67,7 @@ class Search:
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
         self._bare: dict[frozenset[str], Fit] = {}  # by set: fit without its nuisance
-        self._without: dict[tuple[frozenset[str], str], Fit] = {}  # by set and cause: fit without the cause's parts
+        self._lacking: dict[tuple[frozenset[str], str, tuple[str, ...]], Fit] = {}  # by set, cause and parts left out
         self._exact: dict[Fit, Fit] = {}
         self._beside = ""
 
@@ -108,28 +108,23 @@ class Search:
         out = []
         for part in item.parts if len(item.parts) > 1 else ():
             amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
-            gain = self.lacking(chosen, name, part).heldout - fit.heldout
+            gain = self.lacking(chosen, name, [part]).heldout - fit.heldout
             out.append(Evidence(part.name, gain, needed, amount, self._passes(gain, needed, amount)))
         return out
 
-    def lacking(self, chosen: Sequence[str], name: str, part: CausePart) -> Fit:
-        """The fit of a set without a part of one of its causes."""
-        start = self.fit(chosen).lacking(name, part, self.problem)
-        return self.fitter.fit(start.causes, start)
+    def lacking(self, names: Sequence[str], name: str, parts: Sequence[CausePart]) -> Fit:
+        """The fit of a set without some parts of one of its causes; cached."""
+        key = frozenset(names), name, tuple(part.name for part in parts)
+        if key not in self._lacking:
+            start = self.fit(names)
+            for part in parts:
+                start = start.lacking(name, part, self.problem)
+            self._lacking[key] = self.fitter.fit(start.causes, start)
+        return self._lacking[key]
 
     def _misfit(self, fit: Fit, name: str) -> float:
         """Energy that the forms of the other causes may leave unexplained, which a cause could gain."""
         return sum(self.causes[n].misfit * energy for n, energy in fit.effects.items() if n != name)
-
-    def _without_parts(self, names: Sequence[str], name: str) -> Fit:
-        """The fit of a set with only those parameters of a cause that belong to none of its parts; cached."""
-        key = frozenset(names), name
-        if key not in self._without:
-            start = self.fit(names)
-            for part in self.causes[name].parts:
-                start = start.lacking(name, part, self.problem)
-            self._without[key] = self.fitter.fit(start.causes, start)
-        return self._without[key]
 
     def _replace(self, item: Cause) -> None:
         """Replace a cause, and forget the fits that contain it."""
@@ -137,7 +132,7 @@ class Search:
         for cache in (self._fits, self._bare, self._rankings):
             for key in [key for key in cache if item.name in key]:
                 del cache[key]
-        self._without = {key: fit for key, fit in self._without.items() if item.name not in key[0]}
+        self._lacking = {key: fit for key, fit in self._lacking.items() if item.name not in key[0]}
 
     def _passes(self, gain: FloatArray, needed: float, amount: float) -> bool:
         total = float(gain.sum())
@@ -193,7 +188,7 @@ class Search:
         item = self.causes[name]
         fit, without = self.fit(names), self.without(names, name)
         if item.parts:  # what its calibration convention owns is not enough to name it
-            without = min(without, self._without_parts(names, name), key=lambda own: own.heldout.sum())
+            without = min(without, self.lacking(names, name, item.parts), key=lambda own: own.heldout.sum())
         if exact:
             fit, without = self.exact(fit), self.exact(without)
         gain = without.heldout - fit.heldout

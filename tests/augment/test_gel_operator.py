@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from curved_pad import curved_pad
 
 import paxisim
 from paxisim.augment import Crosstalk, GelOperator, Poisson
@@ -87,12 +88,7 @@ def test_neighbours_are_taken_by_place(operator):
 
 
 def test_a_curved_pad_reads_in_the_frames_of_its_taxels():
-    angle = np.linspace(-0.6, 0.6, 7)
-    radius = 2e-3 / 0.2
-    across, up = np.meshgrid(np.arange(3) * 2e-3, np.arange(7), indexing="ij")
-    positions = np.stack([across, radius * np.sin(angle)[up], radius * (1 - np.cos(angle))[up]], axis=-1)
-    normals = np.stack([0 * across, np.sin(angle)[up], -np.cos(angle)[up]], axis=-1)
-    layout = paxisim.TaxelLayout(3, 7, (2e-3, 2e-3), positions=positions.reshape(-1, 3), normals=normals.reshape(-1, 3))
+    layout = curved_pad(7)
     force = np.zeros((1, 3, 3, 7))
     force[0, 2, 1, 3] = 1.0  # on the taxel at the top, whose frame is that of the pad
     (y,) = GelOperator(poisson=(0.3, 0.0), layout=layout)(force) - force

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from curved_pad import curved_pad
 from recorded import diagnosed
 
 import paxisim
@@ -46,16 +47,6 @@ def shuffled(layout):
     return TaxelLayout(1, layout.taxels, layout.pitch, positions=layout.positions[order], normals=layout.normals)
 
 
-def curved():
-    """Return three columns around a fingertip."""
-    angle = np.linspace(-0.7, 0.7, 8)
-    radius = 2e-3 / 0.2
-    across, up = np.meshgrid(np.arange(3) * 2e-3, np.arange(8), indexing="ij")
-    positions = np.stack([across, radius * np.sin(angle)[up], radius * (1 - np.cos(angle))[up]], axis=-1)
-    normals = np.stack([0 * across, np.sin(angle)[up], -np.cos(angle)[up]], axis=-1)
-    return TaxelLayout(3, 8, (2e-3, 2e-3), positions=positions.reshape(-1, 3), normals=normals.reshape(-1, 3))
-
-
 def parts_of(found):
     (cause,) = found.causes
     assert cause.name == "gel_operator"
@@ -71,7 +62,7 @@ def value(found, name):
     "layout",
     [
         shuffled(grid()),
-        curved(),
+        curved_pad(8),
         pytest.param(grid(), marks=pytest.mark.slow),
         pytest.param(paxisim.sensor("paxini-gen3-dp-s1813-elite").layout, marks=pytest.mark.slow),
     ],

@@ -51,6 +51,7 @@ def test_a_unit_that_differs_from_it_is_named(recording):
     [
         ("model.json", "Chain.load"),
         (paxisim.Chain([augment.Offset(0.5)], ["offset"]), "belongs to the unit itself.*got offset"),
+        (augment.Offset(0.5), "belongs to the unit itself.*got offset"),
         (paxisim.Chain([]), "an empty chain"),
         (augment.AxisGain(np.ones((2, 3))), "not a batch"),
     ],
