@@ -91,6 +91,9 @@ class CausePart:
     words: str
 
 
+Absorbed = Callable[[Problem, FloatArray, FloatArray, FloatArray], Callable[[FloatArray], FloatArray]]
+
+
 @dataclass(frozen=True, eq=False)
 class Local:
     """Parameters of each taxel or channel, fitted in closed form.
@@ -102,12 +105,16 @@ class Local:
             the output force to the reading, and a starting array or None.
         error: Function that returns the half-widths of the array's 90 % intervals, given a problem of at least three
             episodes, the prediction of the whole model (N) and the array.
+        absorbed: Function that returns how much of a small change of the residual the array absorbs when it is solved
+            for again, as a function of that change. It is given the problem, the effect of adding 1 to the whole
+            array, the residual (both in units of the noise) and the array. None if only solving tells.
     """
 
     name: str
     unit: str
     solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], FloatArray | None], FloatArray]
     error: Callable[[Problem, FloatArray, FloatArray], FloatArray]
+    absorbed: Absorbed | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,9 +79,14 @@ class Counting:
         harmonics = np.exp(-4 * (np.pi * order * self.dither / self.step) ** 2) / order**2
         return self.dither**2 + self.step**2 * (1 / 12 - float(harmonics.sum()) / (2 * np.pi**2))
 
-    def slope(self, force: FloatArray) -> FloatArray:
-        """Derivative of the mean reading with respect to `force`; only if `reads_all` is False."""
-        small = 1e-3 * (self.step or self.dither)
+    def slope(self, force: FloatArray, whole_step: bool = False) -> FloatArray:
+        """Derivative of the mean reading with respect to `force`; only if `reads_all` is False.
+
+        Args:
+            force: ``(T, pads, 3, rows, cols)`` N.
+            whole_step: Whether to take it over a whole step: a steep staircase is flat almost everywhere.
+        """
+        small = self.step / 2 if whole_step else 1e-3 * (self.step or self.dither)
         return (self.read(force + small) - self.read(force - small)) / (2 * small)
 
     def _read(self, force: FloatArray) -> FloatArray:

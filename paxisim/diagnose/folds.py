@@ -61,32 +61,47 @@ def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
         rules: Rules, with the largest number of folds and the length of the gaps.
     """
     count = len(problem.episodes)
-    lone = _lone(problem, causes, rules) if count >= rules.few_episodes else set()
-    blocks = [2 if number in lone else 1 for number in range(count)]
-    if count < rules.few_episodes:
-        blocks = [-(-rules.few_episodes // count)] * count
+    if count >= rules.few_episodes:
+        halves = _halves(problem, causes, rules)
+        cuts = [[halves[number]] if number in halves else [] for number in range(count)]
+    else:
+        pieces = -(-rules.few_episodes // count)
+        cuts = [np.linspace(span.start, span.stop, pieces + 1)[1:-1].astype(int) for span in problem.episodes]
     unit, episode = np.full(len(problem.time), -1, dtype=np.intp), []
     gap = int(np.ceil(rules.gap / problem.interval))
-    for number, (span, pieces) in enumerate(zip(problem.episodes, blocks, strict=True)):
-        edges = np.linspace(span.start, span.stop, pieces + 1).astype(int)
-        for start, stop in itertools.pairwise(edges):
+    for number, (span, inner) in enumerate(zip(problem.episodes, cuts, strict=True)):
+        for start, stop in itertools.pairwise([span.start, *inner, span.stop]):
             short = gap if stop < span.stop and stop - start > 2 * gap else 0
             unit[start : stop - short] = len(episode)
             episode.append(number)
     fold = np.arange(len(episode)) % min(rules.folds, len(episode))
-    split = tuple(number for number, pieces in enumerate(blocks) if pieces > 1)
+    split = tuple(number for number, inner in enumerate(cuts) if len(inner))
     return Folds(unit, fold, np.array(episode), split)
 
 
-def _lone(problem: Problem, causes: Iterable[Cause], rules: Rules) -> set[int]:
-    """Indices of the episodes that each hold most of the effect of some cause."""
-    problem, found = problem.thinned, set()
+def _halves(problem: Problem, causes: Iterable[Cause], rules: Rules) -> dict[int, int]:
+    """The sample at which to split each episode that holds most of the effect of some cause, by its index.
+
+    Half of the effect is before it, as half of the time may be all of the rest before the contact. If an episode holds
+    most of several effects, it is the median of their samples.
+    """
+    thinned, found = problem.thinned, dict[int, list[int]]()
+    stride = problem.stride
     for item in causes:
-        for effect in effects(problem, item, problem.simulated):
-            energy = energy_by_episode(problem, effect)
-            if energy.max() > rules.lone * energy.sum() > 0:
-                found.add(int(energy.argmax()))
-    return found
+        for effect in effects(thinned, item, thinned.simulated):
+            energies = [_energy(thinned, effect, span) for span in thinned.episodes]
+            sums = np.array([own.sum() for own in energies])
+            if sums.max() > rules.lone * sums.sum() > 0:
+                number = int(sums.argmax())
+                half = np.searchsorted(np.cumsum(energies[number]), sums[number] / 2)
+                found.setdefault(number, []).append(problem.episodes[number].start + stride * int(half))
+    return {number: int(np.median(cuts)) for number, cuts in found.items()}
+
+
+def _energy(problem: Problem, effect: FloatArray, span: slice) -> FloatArray:
+    """``(T,)`` energy of an effect in an episode, in units of the noise, without its mean over the episode."""
+    own = (effect[span] - effect[span].mean(axis=0)) * problem.weight[span]
+    return np.sum(own**2, axis=(1, 2, 3, 4))
 
 
 def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
@@ -97,12 +112,3 @@ def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
     if item.change is not None:
         return [item.change(start, problem) for start in item.starts(problem)]
     return [problem.run(item.make(start, problem), x) - x for start in item.starts(problem)]
-
-
-def energy_by_episode(problem: Problem, effect: FloatArray) -> FloatArray:
-    """``(episodes,)`` energy of an effect in units of the noise, after subtracting its mean over the episode."""
-    out = []
-    for span in problem.episodes:
-        own = effect[span] - effect[span].mean(axis=0)
-        out.append(float(np.sum((own * problem.weight[span]) ** 2)))
-    return np.array(out)

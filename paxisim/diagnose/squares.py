@@ -7,14 +7,15 @@ of 100,000 rows where the normal equations of about ten parameters suffice (`ben
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from paxisim.diagnose.cause import Cause, courses_of
+from paxisim.diagnose.cause import Cause, Local, courses_of
 from paxisim.diagnose.model import ZERO_ORDER, Fitted, Model
 from paxisim.diagnose.problem import FloatArray
 
+LOCAL_STEP = 0.02  # finite-difference step of a local cause's array
 DIFFERENCE_STEP = 0.05  # finite-difference step, relative to a parameter's scale
 MAX_STEPS = 15  # most Gauss-Newton steps
 MIN_ACTUAL_DECREASE = 0.5  # actual decrease, relative to the predicted one, below which the Jacobian is recomputed
@@ -36,12 +37,14 @@ class Squares:
         """Collect the free parameters; nothing runs yet."""
         self.model, self.rows, self.causes = model, model.rows, causes
         shared = [c for c in causes if c.local is None and c.course is None]
+        self._local = [(c.name, c.local) for c in causes if c.local is not None]
         self.free = [(c.name, i, f) for c in shared for i, f in enumerate(c.parameters(model.problem))]
         self.bends = any(c.order > ZERO_ORDER for c in shared)
         spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
         self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
         self.prediction: FloatArray = np.zeros(0)
         self._kept: FloatArray | None = None  # the Jacobian
+        self._whole_step = self.rows.counting.is_steep
         self._neutral = np.array([f.neutral for _, _, f in self.free])
         self._scale = np.array([f.scale for _, _, f in self.free])
 
@@ -74,6 +77,20 @@ class Squares:
 
     def descend(self, values: Fitted, zero: FloatArray) -> Fitted:
         """The values after Gauss-Newton steps, each damped until it decreases the energy.
+
+        Where the noise rarely reaches the next count, steps with the slope over a whole count come first, because the
+        staircase has many local minima. They end near the best one, which its own slope then finds.
+        """
+        self._whole_step = self.rows.counting.is_steep
+        values = self._descended(values, zero)
+        if self._whole_step and self.free:
+            self._whole_step, self._kept = False, None
+            values = self._descended(values, zero)
+            self._whole_step, self._kept = True, None
+        return values
+
+    def _descended(self, values: Fitted, zero: FloatArray) -> Fitted:
+        """The values after steps with one kind of slope.
 
         The Jacobian is most of the work, so it is reused as long as the decrease is close to the predicted one.
         """
@@ -218,14 +235,18 @@ class Squares:
         """``(free, residuals)`` derivatives of the residual by each parameter, in units of its scale."""
         slopes = np.zeros((len(self.free), self.rows.measured.size))
         counting = self.rows.counting
-        steep = 1.0 if counting.reads_all else counting.slope(self.prediction)
-        known = dict(values)
+        steep = 1.0 if counting.reads_all else counting.slope(self.prediction, self._whole_step)
+        known, absorbed = dict(values), None
+        if len(self._local) == 1 and self._local[0][1].absorbed is not None:  # it need not be solved for each parameter
+            known |= self.model.solved
+            absorbed = self._absorbed(*self._local[0], known, steep)
 
         def effect(name: str, moved: FloatArray) -> FloatArray:
             kept = self.model.solved
             change = self.prediction - self.model.run({**known, name: moved}, None, begin=name)
             self.model.solved = kept
-            return self.rows.weigh(change * steep)
+            seen = self.rows.weigh(change * steep)
+            return seen if absorbed is None else seen - absorbed(seen)
 
         for row, (name, index, about) in enumerate(self.free):
             step = DIFFERENCE_STEP * about.scale
@@ -234,6 +255,17 @@ class Squares:
             moved[index] += step
             slopes[row] = effect(name, moved).ravel() * (about.scale / step)
         return slopes
+
+    def _absorbed(
+        self, name: str, local: Local, known: Fitted, steep: FloatArray | float
+    ) -> Callable[[FloatArray], FloatArray]:
+        """How much of a change of the residual a local cause absorbs, see `Local.absorbed`."""
+        assert local.absorbed is not None
+        kept = self.model.solved
+        moved = self.model.run({**known, name: known[name] + LOCAL_STEP}, None, begin=name)
+        self.model.solved = kept
+        load = self.rows.weigh((moved - self.prediction) * steep / LOCAL_STEP)
+        return local.absorbed(self.rows, load, self.rows.residual(self.prediction), known[name])
 
 
 def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> FloatArray:

@@ -56,6 +56,17 @@ def test_an_episode_that_alone_excites_a_cause_is_split_in_two_blocks_with_a_gap
     np.testing.assert_array_equal(found.independent(np.arange(9.0)), [0, 1, 2, 3, 4, 5 + 6, 7, 8])
 
 
+def test_each_block_of_an_episode_has_half_of_the_effect(recording):
+    since = recording.time - recording.time[recording.episode == 5][0]
+    late = (recording.episode == 5) & (since > 4.0)  # of 6 s
+    opening = np.where(late, 0.02 + 0.02 * np.sin(8 * since), 0.02)
+    found = folds(replace(recording, covariates={"gripper_opening": opening}), "axis_gain", "interference")
+    assert found.split == (5,)
+    away = np.abs(opening - opening[recording.episode == 5].mean()) ** 2
+    first, second = (away[found.unit == unit].sum() for unit in (5, 6))
+    assert 0.4 < first / second < 2.5
+
+
 def test_a_recording_of_one_episode_is_split_into_blocks(recording):
     found = folds(next(recording.episodes()), "axis_gain")
     assert found.count == RULES.few_episodes

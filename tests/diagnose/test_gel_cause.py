@@ -17,7 +17,7 @@ CAUSES = ("gel_operator", "axis_gain", "rotation")
 """Enough rivals for a cause that they resemble; more would only take time."""
 
 
-def pressed(layout, operator, seed=0):
+def pressed(layout, operator, seed=0, noise=0.02):
     """Return a recording of presses between the taxels of a layout, read through an operator with noise."""
     rng = np.random.default_rng(seed)
     time = np.arange(0, 48, 0.05)
@@ -33,7 +33,7 @@ def pressed(layout, operator, seed=0):
             local = np.einsum("nab,b->na", layout.frames, load)  # in each taxel's frame, turned into the pad's
             force[:, 0] += rise[:, None, None] * (bump[:, None] * local).T
     force = force.reshape(len(time), 1, 3, layout.rows, layout.cols)
-    read = np.asarray(operator(force)) + 0.02 * rng.standard_normal(force.shape)
+    read = np.asarray(operator(force)) + noise * rng.standard_normal(force.shape)
     return paxisim.Recording(time, read, force, episode=episode, layout=layout)
 
 
@@ -92,6 +92,16 @@ def test_the_parts_that_matter_are_reported_each_with_its_gain(tmp_path):
     text = json.loads(found.to_json())
     del text["causes"][0]["parts"]
     assert Diagnosis.from_json(json.dumps(text)).causes[0].parts == ()
+
+
+def test_counts_coarser_than_the_noise_do_not_stop_the_fit():
+    hidden = augment.GelOperator(poisson=(0.2, 0.1), along=(0.6, 0.5), lift=(-0.2, -0.1), normal=(-0.1, -0.05))
+    recording = pressed(grid(), hidden, seed=3, noise=0.002)
+    found = diagnosed(dataclasses.replace(recording, measured=0.1 * np.rint(recording.measured / 0.1)), CAUSES)
+    assert found.verdict == "explained"
+    assert len(parts_of(found)) == 4
+    assert value(found, "along_next").value == pytest.approx(0.6, abs=0.1)
+    assert value(found, "lift_next").value == pytest.approx(-0.2, abs=0.1)
 
 
 def test_the_name_of_a_part_leads_to_its_cause():

@@ -45,6 +45,23 @@ def taxel_gains(
     return gains
 
 
+def _absorbed(
+    problem: Problem, load: FloatArray, residual: FloatArray, gains: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """See `Local.absorbed`; the shrinkage of the gains stays as it is."""
+    weights = by_episode(problem, load**2)
+    weight = weights.sum(axis=0)
+    ridge = drawn(by_episode(problem, load * residual) + (gains - 1) * weights, weights)[1]
+    trust = np.where(weight > MIN_WEIGHT * weight.max(), weight / (weight + ridge), 0.0)
+
+    def absorbed(change: FloatArray) -> FloatArray:
+        pull = by_episode(problem, load * change).sum(axis=0)
+        common = float(np.sum(trust * pull / np.maximum(weight, 1e-12)) / max(trust.sum(), 1e-12))
+        return load * (common + (pull - common * weight) / (weight + ridge))[:, None]
+
+    return absorbed
+
+
 def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
     """``(episodes, pads, rows, cols)`` sums of ``(T, pads, 3, rows, cols)`` over axes and frames of each episode."""
     if problem.fitted is not None:
@@ -120,7 +137,7 @@ TAXEL_GAIN = Cause(
     75,  # it commutes with the filters, and behind them it does not slow down their fit
     lambda v, p: augment.TaxelGain(np.asarray(v)),
     "places",
-    local=Local("gain", "1", taxel_gains, _error),
+    local=Local("gain", "1", taxel_gains, _error, _absorbed),
     misfit=0.01,
     price=3.0,
     size=_size,
