@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from emulated import constant, profile, small
 
-from paxisim import Emulator, InvalidValueError, UnknownNameError
+from paxisim import Emulator, InvalidValueError
 from paxisim.hw.emulation.emulator import make_board
 from paxisim.hw.emulation.faults import Faults, FaultyLine
 from paxisim.hw.emulation.pads import EmulatedPads
-from paxisim.hw.emulation.signals import press
 from paxisim.hw.families.control_box import wire as box
 from paxisim.hw.families.control_box.emulated import VERSION_WAIT
 from paxisim.hw.families.hand_board import wire as hand_board
@@ -79,25 +78,9 @@ def test_the_total_is_the_clipped_sum_or_what_is_said():
     assert totals(1.0, resultant=lambda counts: 3 * counts.sum(axis=1)) == [[127, 127, 255]]
 
 
-@pytest.mark.parametrize(
-    ("signal", "options", "says"),
-    [
-        (lambda now: np.zeros((1, 3, 2, 2)), {}, r"\(1, 3, 3, 3\).*got \(1, 3, 2, 2\)"),
-        (lambda now: np.full((1, 3, 3, 3), np.nan), {}, "finite"),
-        (lambda now: 1 / 0, {}, "ZeroDivisionError"),
-        (lambda now: np.zeros((1, 3, 3, 3)), {"gate": -1}, "gate"),
-        (lambda now: np.zeros((1, 3, 3, 3)), {"rate": 0}, "rate"),
-        (lambda now: np.zeros((1, 3, 3, 3)), {"rate": np.inf}, "rate"),
-    ],
-)
-def test_what_does_not_fit_is_refused(signal, options, says):
-    with pytest.raises(InvalidValueError, match=says):
-        Emulator(profile(), signal, **options)
-
-
-def test_unknown_profiles_are_named():
-    with pytest.raises(UnknownNameError, match="gen3-highspeed"):
-        Emulator("gen3-highsped", press(profile()))
+def test_forces_that_are_not_finite_are_refused():
+    with pytest.raises(InvalidValueError, match="finite"):
+        Emulator(profile(), lambda now: np.full((1, 3, 3, 3), np.nan))
 
 
 # ---- control box

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import struct
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -142,18 +141,13 @@ def test_a_field_is_read_in_microtesla_and_zeroed_in_software(name, text):
 
 
 @pytest.mark.real_time
-def test_a_lossy_line_gives_no_wrong_field_and_one_that_pauses_is_read_on():
+def test_a_lossy_line_gives_no_wrong_field():
     profile = load_profile("anyskin")
     lossy = Faults(drop=1e-3, split=0.2, merge=0.1)
-    pausing = Faults(stall=0.05, stall_seconds=3.0)
     with Emulator(profile, lambda now: FIELD, faults=lossy, seed=6) as one, open_sensor(one.port, profile) as skin:
         for _ in range(150):
             np.testing.assert_allclose(skin.read(PATIENCE).force, FIELD, atol=0.0051)
         assert skin.skipped > 0
-    with Emulator(profile, lambda now: FIELD, faults=pausing, seed=1) as one, open_sensor(one.port, profile) as skin:
-        with pytest.raises(DeviceTimeoutError, match=r"no frame from .* within 1 s"):
-            deque(skin.stream(1.0), maxlen=0)
-        np.testing.assert_allclose(skin.read(PATIENCE).force, FIELD, atol=0.0051)
 
 
 @pytest.mark.real_time
