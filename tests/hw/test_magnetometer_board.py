@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from byte_streams import bursts
 
 import paxisim
 from paxisim import DeviceTimeoutError, InvalidValueError, ProtocolError, Slot, TaxelLayout, load_profile
@@ -27,16 +28,6 @@ PATIENCE = 20.0
 FIELD = np.linspace(-300, 2000, 3 * CHIPS).reshape(1, 3, 1, CHIPS)
 # a float whose two lowest bytes are CR LF; a constant field may repeat it in every burst
 CR_LF_INSIDE = struct.unpack("<f", b"\r\n\x12\x43")[0]
-
-
-def bursts(count, seed=0, chips=CHIPS, still=False):
-    """Readings in multiples of the chips' resolution: all different, or equal if `still`, as on an untouched board."""
-    rng = np.random.default_rng(seed)
-    steps = rng.integers(-800, 800, (count, chips, 4))
-    steps[:, :, 0] = 550
-    if still:
-        steps[:] = steps[0]
-    return [Burst((one * np.array([0.0452, 0.15, 0.15, 0.242])).astype(np.float32)) for one in steps]
 
 
 def stream(sent):
