@@ -9,16 +9,12 @@ import pytest
 from log_files import LAYOUT, assert_equal, full_disk, recording
 
 from paxisim.cli import main
-from paxisim.errors import InvalidValueError, MissingExtraError, OutputExistsError, PaxisimError, UnsupportedError
+from paxisim.errors import InvalidValueError, OutputExistsError, PaxisimError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import lerobot_tables, lerobot_writer
-from paxisim.logs.parquet import require_pyarrow
 from paxisim.recording import Recording
 
-try:
-    require_pyarrow()
-except (MissingExtraError, UnsupportedError) as error:
-    pytest.skip(str(error), allow_module_level=True)
+pytest.importorskip("pyarrow.parquet", exc_type=ImportError)
 
 from pyarrow import parquet
 
