@@ -19,7 +19,6 @@ from paxisim.hw.families.load import board_class, emulated_class
 from paxisim.hw.families.table import FAMILIES
 
 pytest.importorskip("serial")
-pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from serial_peers import PATIENCE, reader_threads, wait_for
 
@@ -157,7 +156,9 @@ def test_two_ports_are_one_tensor(profile: Profile) -> None:
     ):
         frames = [pads.read(PATIENCE) for _ in range(5)]
         half = len(profile.slots)
-        assert len(pads.pads) == 2 * half
+        assert pads.pads == tuple(f"{slot.name}{port}" for port in (0, 1) for slot in profile.slots)
+        first_version, second_version = pads.version().split("\n")
+        assert first_version == second_version
         expected = right if profile.pool == (1, 1) else profile.wire_layout.pool_force(right, *profile.pool)
         for frame in frames:
             np.testing.assert_allclose(frame.force[:half], pressed(profile), rtol=1e-6)

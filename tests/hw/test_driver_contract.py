@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scripted_peers import Box, Conversation, Converter, HandBoard, HighSpeed, make_profile
 
 from paxisim import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
 from paxisim.hw.families.control_box import wire as box
@@ -17,10 +18,6 @@ from paxisim.hw.families.load import board_class
 from paxisim.hw.families.serial_converter import wire as converter
 from paxisim.hw.link.clock import SystemClock
 from paxisim.hw.link.transport import Transport
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Box, Conversation, Converter, HandBoard, HighSpeed, make_profile
 
 SCRIPTS = {script.family: script for script in (Box, Converter, HighSpeed, HandBoard)}
 VERSIONS = {

@@ -5,14 +5,11 @@ import pytest
 from byte_streams import decoded
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scripted_peers import Conversation, HandBoard, numbered_round
 
 from paxisim.hw.families.hand_board import wire
 from paxisim.hw.families.hand_board.wire import Block, Round, RoundDecoder
 from paxisim.hw.families.taxels import to_bytes
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Conversation, HandBoard, numbered_round
 
 TAGS = tuple(map(bytes.fromhex, ("AAEE", "CCEE", "AAFF", "CCFF")))
 SENT = [numbered_round(i) for i in range(6)]

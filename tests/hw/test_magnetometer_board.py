@@ -19,12 +19,13 @@ from paxisim.hw.link.recognise import describe
 
 pytest.importorskip("serial")
 
+from serial_peers import PATIENCE
+
 from paxisim import Emulator, open_sensor
 
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
 CHIPS = 5
-PATIENCE = 20.0
 FIELD = np.linspace(-300, 2000, 3 * CHIPS).reshape(1, 3, 1, CHIPS)
 # a float whose two lowest bytes are CR LF; a constant field may repeat it in every burst
 CR_LF_INSIDE = struct.unpack("<f", b"\r\n\x12\x43")[0]

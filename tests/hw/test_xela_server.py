@@ -24,6 +24,7 @@ from paxisim.hw.link.recognise import describe
 
 pytest.importorskip("websockets", reason="needs the extra websocket")
 
+from serial_peers import PATIENCE
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.server import serve
@@ -33,7 +34,6 @@ from paxisim.hw.link.websocket import open_websocket
 
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
-PATIENCE = 20.0
 TAXELS = 16
 FORCE = np.linspace(-2, 3, 3 * TAXELS).reshape(1, 3, 4, 4)
 
