@@ -38,14 +38,6 @@ def test_frames_nearest_in_time_go_together():
     assert joined.sequence == 1
 
 
-def test_a_frame_waits_no_longer_than_until_the_next_one():
-    joiner = FrameJoiner(2)
-    joiner.push(1, frame(1.0, 7))
-    joiner.push(0, frame(1.1, 1))
-    (joined,) = joiner.push(0, frame(1.2, 2))
-    assert (joined.time, values(joined), joined.status) == (1.1, [1, 7], (0, 0))
-
-
 def test_a_port_that_is_ahead_completes_a_frame_at_once():
     joiner = FrameJoiner(2)
     joiner.push(1, frame(1.0, 1))
