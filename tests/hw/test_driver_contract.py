@@ -89,6 +89,7 @@ def foreign(number):
     return box.Reply(0x70, 0xC006, bytes(40)).encode() * 4
 
 
+ELSEWHERE = HighSpeed(modules={4: 9, 6: 31})
 PALM_ELSEWHERE = HighSpeed(modules={0: 9, 21: 31})
 PALM_ELSEWHERE.registers[0x30 + 42] = 0
 
@@ -110,12 +111,7 @@ PALM_ELSEWHERE.registers[0x30 + 42] = 0
         (HighSpeed(refusal), {}, ProtocolError, "error 3"),
         (HighSpeed(frames=0), {}, DeviceTimeoutError, "streams nothing"),
         (Babbling(nothing), {}, ProtocolError, "high-speed board, but"),
-        (
-            HighSpeed(modules={4: 9, 6: 31}),
-            {},
-            ProtocolError,
-            r"0 \(left\), 2 \(right\).*4 \(9 taxels\), 6 \(31 taxels\)",
-        ),
+        (ELSEWHERE, {}, ProtocolError, r"0 \(left\), 2 \(right\).*4 \(9 taxels\), 6 \(31 taxels\)"),
         (HighSpeed(modules={0: 9, 2: 52}), {}, ProtocolError, "9 taxels.*right.*52"),
         (PALM_ELSEWHERE, {"slots": {"finger": 0}}, ProtocolError, "palm_counts"),
         (Silent(), {}, DeviceTimeoutError, "nothing came"),

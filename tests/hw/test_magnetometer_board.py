@@ -26,6 +26,7 @@ from paxisim import Emulator, open_sensor
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
 CHIPS = 5
+FOUR_CHIPS = TaxelLayout(1, 4, (1e-2, 1e-2))
 FIELD = np.linspace(-300, 2000, 3 * CHIPS).reshape(1, 3, 1, CHIPS)
 # a float whose two lowest bytes are CR LF; a constant field may repeat it in every burst
 CR_LF_INSIDE = struct.unpack("<f", b"\r\n\x12\x43")[0]
@@ -129,13 +130,7 @@ def test_a_lossy_line_gives_no_wrong_field():
 @pytest.mark.parametrize(
     ("speaks", "expects", "faults", "error", "says"),
     [
-        (
-            {"wire_layout": TaxelLayout(1, 4, (1e-2, 1e-2))},
-            {},
-            Faults(),
-            ProtocolError,
-            "from 5 chips, .* bursts of 4 chips",
-        ),
+        ({"wire_layout": FOUR_CHIPS}, {}, Faults(), ProtocolError, "from 5 chips, .* bursts of 4 chips"),
         ({"settings": {"text": True}}, {}, Faults(), ProtocolError, "lines of text of 5 chips .*setting text = true"),
         ({}, {}, Faults(stall=1.0, stall_seconds=60.0), DeviceTimeoutError, "nothing came within 2 s"),
         ({}, {"slots": (Slot("left", 0), Slot("right", 1))}, Faults(), InvalidValueError, "slots must list one pad"),
