@@ -109,6 +109,17 @@ def test_any_bytes_never_end_the_lines_after_them(garbage, pieces):
     assert source.bad <= len(garbage)
 
 
+def test_closing_does_not_wait_for_a_line():
+    reader, writer = os.pipe()
+    source = CsvLines(reader)
+    source.start(queue.Queue(), SystemClock())
+    source.close()
+    source.close()
+    assert source.ended
+    os.close(reader)
+    os.close(writer)
+
+
 def test_datagrams_land_with_their_time_and_bad_values_are_counted(udp):
     inbox = queue.Queue()
     udp.start(inbox, SystemClock())
