@@ -74,9 +74,11 @@ def test_the_total_is_the_clipped_sum_or_what_is_said():
     assert totals(1.0, resultant=lambda counts: 3 * counts.sum(axis=1)) == [[127, 127, 255]]
 
 
-def test_forces_that_are_not_finite_are_refused():
+def test_forces_and_rates_that_are_not_finite_are_refused():
     with pytest.raises(InvalidValueError, match="finite"):
         Emulator(profile(), lambda now: np.full((1, 3, 3, 3), np.nan))
+    with pytest.raises(InvalidValueError, match="rate"):
+        Emulator(profile(), constant(profile()), rate=np.inf)
 
 
 # ---- control box
