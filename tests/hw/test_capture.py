@@ -279,6 +279,15 @@ def test_what_never_came_whole_is_counted(path):
         assert 3 < summary.bad_checksums <= sensor.bad_checksums - before
 
 
+def test_a_port_that_goes_away_ends_it_with_a_whole_file(board, sensor, path):
+    summary = capture(sensor, path, seconds=60, on_status=Stop(lambda s: s.frames and board.unplug()))
+    assert summary.ended == "sensor"
+    assert isinstance(summary.error, paxisim.PaxisimError)
+    log = read_log(path)
+    assert log.complete
+    assert len(log.streams["measured"].time) == summary.frames > 0
+
+
 def test_a_port_that_comes_back_goes_on_in_the_same_file(replugged, path):
     (board, sensor), frames_before = replugged, []
 
