@@ -54,11 +54,9 @@ def box_checks(frame):
     return frame[:4] == hexed("55AA7B7B") and frame[-4:] == hexed("55AA7D7D") and sum(frame[4:-4]) % 256 == 0
 
 
-def bursts(count, seed=0, chips=5, still=False):
-    """Readings in multiples of the chips' resolution: all different, or equal if `still`, as on an untouched board."""
+def bursts(count, seed=0, chips=5):
+    """Different readings of a magnetometer board, in multiples of the chips' resolution."""
     rng = np.random.default_rng(seed)
     steps = rng.integers(-800, 800, (count, chips, 4))
     steps[:, :, 0] = 550
-    if still:
-        steps[:] = steps[0]
     return [Burst((one * np.array([0.0452, 0.15, 0.15, 0.242])).astype(np.float32)) for one in steps]
