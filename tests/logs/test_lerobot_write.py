@@ -74,8 +74,6 @@ def test_what_is_simulated_a_unit_and_curved_taxels_come_back(tmp_path):
     assert found.episode[0] == 4
     assert found.unit == "uT"
     np.testing.assert_allclose(found.time[:25] - found.time[0], np.arange(25) / 100, atol=1e-7)
-    write(tmp_path / "simulated", Recording(original.time, simulated=original.simulated, episode=original.episode))
-    assert Recording.load(tmp_path / "simulated").measured is None
 
 
 def test_the_files_are_those_of_format_3(tmp_path):
