@@ -1,5 +1,8 @@
 """Helpers for the tests of decoders: bytes in pieces, and what a decoder accepts of them."""
 
+import numpy as np
+
+from paxisim.hw.families.magnetometer_board.wire import Burst
 from paxisim.hw.link.framing import FrameDecoder
 
 
@@ -49,3 +52,11 @@ def sums_to_zero(frame):
 def box_checks(frame):
     """Whether head, tail and check byte of a control box's frame are right by their definition."""
     return frame[:4] == hexed("55AA7B7B") and frame[-4:] == hexed("55AA7D7D") and sum(frame[4:-4]) % 256 == 0
+
+
+def bursts(count, seed=0, chips=5):
+    """Different readings of a magnetometer board, in multiples of the chips' resolution."""
+    rng = np.random.default_rng(seed)
+    steps = rng.integers(-800, 800, (count, chips, 4))
+    steps[:, :, 0] = 550
+    return [Burst((one * np.array([0.0452, 0.15, 0.15, 0.242])).astype(np.float32)) for one in steps]

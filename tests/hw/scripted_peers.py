@@ -1,11 +1,9 @@
 """The other end of the line of each serial family, scripted independently of the emulator."""
 
 import os
-import pty
 import select
 import threading
 import time
-import tty
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,6 +20,12 @@ from paxisim.hw.families.taxels import to_bytes
 from paxisim.hw.link.clock import SystemClock
 from paxisim.hw.link.framing import FrameDecoder
 from paxisim.hw.link.transport import open_transport
+
+pytest.importorskip("serial")
+pytest.importorskip("pty", reason="no pseudo-terminals here")
+
+import pty
+import tty
 
 
 class Peer:
@@ -258,7 +262,6 @@ class Conversation:
     """Context manager: the driver on a pseudo-terminal with a script at its other end."""
 
     def __init__(self, script, slots=None, taxels=None, **settings):
-        pytest.importorskip("serial")
         family = script.family
         self.script = script
         self.profile = make_profile(

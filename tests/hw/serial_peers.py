@@ -6,10 +6,15 @@ import os
 import select
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pty", reason="no pseudo-terminals here")
+
+import tty
 
 PATIENCE = 20.0
 """Timeout of the tests (s), generous for slow machines."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from byte_streams import accepted, box_checks, decoded, hexed, sums_to_zero
+from byte_streams import accepted, box_checks, bursts, decoded, hexed, sums_to_zero
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -165,11 +165,6 @@ CHECKED = {
     "high-speed, pushes": high_speed_frames(high_speed.push_parser(PUSHES), pushes),
     "high-speed, all": high_speed_frames(high_speed.incoming_parser(PUSHES), pushes | answers),
 }
-REQUESTS = {
-    "control-box": (control_box.parse_request, box_requests),
-    "serial-converter": (serial_converter.parse_request, converter_requests),
-    "high-speed": (high_speed.parse_request, high_speed_requests),
-}
 
 # ---- families without a check byte
 
@@ -178,13 +173,6 @@ blocks = st.builds(
     lambda data, state: hand_board.Block(data[:45], state, data[45:]), sized(47, 47, *TAGS), st.sampled_from([0, 1, 7])
 )
 rounds = st.builds(lambda *four: hand_board.Round(four), blocks, blocks, blocks, blocks)
-
-
-def burst(seed: int) -> magnetometer_board.Burst:
-    """Readings of five chips in multiples of their resolution."""
-    steps = np.random.default_rng(seed).integers(-800, 800, (5, 4))
-    steps[:, 0] = 550
-    return magnetometer_board.Burst((steps * np.array([0.0452, 0.15, 0.15, 0.242])).astype(np.float32))
 
 
 def routine(number: int) -> xela_server.Routine:
@@ -196,39 +184,46 @@ def routine_values(message: xela_server.Routine) -> tuple[Any, ...]:
     return message.number, {key: reading.counts.tolist() for key, reading in message.sensors.items()}
 
 
+def as_bytes(message: Any) -> bytes:
+    return message.encode()
+
+
+def itself(message: Any) -> Any:
+    return message
+
+
+def request_decoder(parse: Parser[Any]) -> Callable[[], Decoder[Any]]:
+    return lambda: FrameDecoder(parse, stream=False)
+
+
 SEEDS = st.integers(0, 2**32 - 1)
+one_burst = st.builds(lambda seed: bursts(1, seed)[0], SEEDS)
+as_text = magnetometer_board.Burst.encode_text
 # decoder, messages, their bytes, what they are compared by, and the number of messages lost at the start
 Plain = tuple[Callable[[], Decoder[Any]], st.SearchStrategy[Any], Callable[[Any], bytes], Callable[[Any], Any], int]
 PLAIN: dict[str, Plain] = {
-    **{name: (kind.decoder, kind.wild, lambda m: m.encode(), lambda m: m, 0) for name, kind in CHECKED.items()},
-    "hand-board": (hand_board.RoundDecoder, rounds, lambda m: m.encode(), lambda m: m, 0),
+    **{name: (kind.decoder, kind.wild, as_bytes, itself, 0) for name, kind in CHECKED.items()},
+    "hand-board": (hand_board.RoundDecoder, rounds, as_bytes, itself, 0),
     # only a line's end shows where a burst begins
-    "magnetometer-board": (
-        lambda: magnetometer_board.BurstDecoder(5),
-        st.builds(burst, SEEDS),
-        lambda m: m.encode(),
-        lambda m: m.encode(),
-        1,
-    ),
-    "magnetometer-board, text": (
-        lambda: magnetometer_board.TextDecoder(5),
-        st.builds(burst, SEEDS),
-        lambda m: m.encode_text(),
-        lambda m: m.encode_text(),
-        1,
-    ),
+    "magnetometer-board": (lambda: magnetometer_board.BurstDecoder(5), one_burst, as_bytes, as_bytes, 1),
+    "magnetometer-board, text": (lambda: magnetometer_board.TextDecoder(5), one_burst, as_text, as_text, 1),
     "xela": (xela_server.RoutineDecoder, st.builds(routine, SEEDS), lambda m: m.encode(1.0), routine_values, 0),
+}
+REQUESTS: dict[str, Plain] = {
+    "control-box, requests": (request_decoder(control_box.parse_request), box_requests, as_bytes, itself, 0),
+    "converter, requests": (request_decoder(serial_converter.parse_request), converter_requests, as_bytes, itself, 0),
+    "high-speed, requests": (request_decoder(high_speed.parse_request), high_speed_requests, as_bytes, itself, 0),
 }
 
 
 # ---- the contract of all families
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", [*PLAIN, *REQUESTS])
 @repeatable
 @given(st.data())
 def test_whole_frames_come_out_of_any_pieces(name, data):
-    make, messages, encode, key, lost = PLAIN[name]
+    make, messages, encode, key, lost = (PLAIN | REQUESTS)[name]
     sent, decoder = data.draw(st.lists(messages, max_size=5)), make()
     found = decoded(decoder, b"".join(map(encode, sent)), data.draw(CUTS))
     assert [key(message) for message in found] == [key(message) for message in sent[lost:]]
@@ -282,17 +277,6 @@ def test_garbage_is_held_back_no_longer_than_the_longest_frame_and_read_in_littl
             assert time.process_time() - start < 5, (kind, size)
             assert held <= most, (kind, size)
             assert decoder.pending == 0
-
-
-@pytest.mark.parametrize("name", REQUESTS)
-@repeatable
-@given(st.data())
-def test_requests_survive_any_pieces(name, data):
-    parse, requests = REQUESTS[name]
-    sent, decoder = data.draw(st.lists(requests, max_size=4)), FrameDecoder(parse, stream=False)
-    found = decoded(decoder, b"".join(request.encode() for request in sent), data.draw(CUTS))
-    assert found == sent
-    assert decoder.skipped == decoder.bad_checksums == 0
 
 
 # ---- the contract of the families with a check byte

@@ -1,13 +1,9 @@
 """Recording a sensor to a file, with emulated boards, the driver, extra streams and real files."""
 
-import contextlib
 import json
 import os
-import queue
-import shutil
 import signal
 import socket
-import subprocess
 import threading
 import time
 
@@ -145,7 +141,7 @@ def test_frames_land_with_their_numbers_times_and_counts(path):
 def test_two_pads_on_one_port_land_with_their_totals_status_and_arrival(name, slots, path):
     from mcap.reader import make_reader
 
-    two = profile(name, slots=slots)
+    two = profile(name, slots=slots, axes=("-y", "+x", "+z"))
     pressed = constant(two)
     with Emulator(two, pressed) as board, open_sensor(board.port, two) as sensor:
         capture(sensor, path, seconds=0.5)
@@ -156,7 +152,7 @@ def test_two_pads_on_one_port_land_with_their_totals_status_and_arrival(name, sl
     np.testing.assert_allclose(loaded.measured.sum(axis=(-2, -1)), everywhere, rtol=1e-5)
     assert ("resultant" in loaded.covariates) == (name != "gen1-stream")
     if "resultant" in loaded.covariates:
-        reported = np.clip(totals, [-12.8, -12.8, 0], [12.7, 12.7, 25.5])
+        reported = np.clip(totals, [-12.7, -12.8, 0], [12.8, 12.7, 25.5])
         np.testing.assert_allclose(loaded.covariates["resultant"][-1], reported, rtol=1e-5)
     with open(path, "rb") as file:
         records = make_reader(file).iter_messages(["/tactile/measured"])
@@ -230,21 +226,12 @@ def test_one_stream_has_one_source_and_one_shape(sensor, path):
 
 
 def test_episodes_begin_when_they_are_asked_for(sensor, path):
-    wanted, asked = queue.Queue(), [1]
-
     def enter(put, stopped):
         while not stopped():
-            with contextlib.suppress(queue.Empty):
-                wanted.get(timeout=0.05)
-                put(EPISODE_WORD, np.zeros(()))
+            put(EPISODE_WORD, np.zeros(()))
+            time.sleep(0.05)
 
-    def two_more(summary):
-        if summary.frames and wanted.empty() and summary.episodes == asked[0]:
-            asked[0] += 1
-            wanted.put(None)
-        return summary.episodes >= 3
-
-    summary = capture(sensor, path, extra=[Own("Enter", enter)], on_status=Stop(two_more))
+    summary = capture(sensor, path, extra=[Own("Enter", enter)], on_status=Stop(lambda s: s.episodes >= 3))
     episode = read_log(path).streams["episode"]
     assert summary.episodes >= 3
     assert episode.values.tolist() == list(range(summary.episodes))
@@ -420,26 +407,3 @@ def test_bad_seconds_make_no_file_and_one_that_is_there_is_kept_unless_asked(sen
     thread.start()
     thread.join()
     assert done[0].ended == "seconds"
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """A file system of 400 KiB; skips the test if this user may not mount one."""
-    folder, mount = tmp_path / "disk", shutil.which("mount")
-    folder.mkdir()
-    command = [mount, "-t", "tmpfs", "-o", "size=400k", "tmpfs", folder]
-    if not mount or subprocess.run(command, capture_output=True, check=False).returncode:
-        pytest.skip("needs to mount a file system")
-    yield folder
-    subprocess.run(["umount", folder], check=True)
-
-
-def test_a_full_disk_ends_it_with_a_file_that_loads(small_disk, sensor):
-    rng = np.random.default_rng(0)
-    noise = PolledFunction(lambda: rng.random(100), 200, "noise")
-    summary = capture(sensor, small_disk / "press.mcap", seconds=60, extra=[noise])
-    assert summary.ended == "disk"
-    assert "No space left" in str(summary.error)
-    measured = read_log(small_disk / "press.mcap").streams["measured"]
-    assert 0 < len(measured.time) <= summary.frames
-    assert np.all(np.diff(measured.nanoseconds) >= 0)

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
+from scripted_peers import Box, Conversation
 
 from paxisim import ProtocolError
 from paxisim.hw.families.control_box import wire
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Box, Conversation
 
 
 def test_power_up_asks_for_the_mode_until_it_is_taken_then_port_by_port():

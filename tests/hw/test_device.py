@@ -28,7 +28,6 @@ from paxisim.hw.profiles.write import profile_toml
 from paxisim.logs.schemas import NO_TAXELS
 
 pytest.importorskip("serial")
-pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from scripted_board import ONE_PAD, TWO_PADS, ScriptedBoard, message
 from serial_peers import PATIENCE, plugged_port, reader_threads, wait_for
@@ -449,23 +448,6 @@ def test_close_ends_all_use_and_wakes_who_waits(port):
 
 
 # ---- several ports
-
-
-def test_pads_of_several_ports_come_one_after_another(port, second):
-    with open_sensor([port.path, second.path], TWO_PADS) as pads:
-        assert pads.pads == ("left0", "right0", "left1", "right1")
-        assert pads.version() == "scripted 1.0\nscripted 1.0"
-        for i in range(10):
-            second.send(message(100 + i))
-            port.send(message(i))
-        frame = pads.read(PATIENCE)
-    assert frame.force.shape == (4, 3, 2, 3)
-    assert frame.resultant.shape == (4, 3)
-    assert len(frame.status) == 4
-    assert count_of(frame) < 10
-    np.testing.assert_array_equal(frame.force[0], frame.force[1])
-    assert frame.force[2].min() >= 10
-    assert frame.time <= frame.arrival
 
 
 def test_one_of_several_ports_goes_away_and_comes_back(port, second):

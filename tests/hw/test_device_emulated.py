@@ -12,14 +12,20 @@ import pytest
 from emulated import small
 from numpy.typing import NDArray
 
-from paxisim import InvalidValueError, Profile, ProtocolError, Slot, TactileSensor, TaxelLayout, load_profile
-from paxisim.hw.families.board import Board
-from paxisim.hw.families.emulated_board import EmulatedBoard
-from paxisim.hw.families.load import board_class, emulated_class
+from paxisim import (
+    InvalidValueError,
+    Profile,
+    ProtocolError,
+    Slot,
+    TactileSensor,
+    TaxelLayout,
+    UnsupportedError,
+    load_profile,
+)
+from paxisim.hw.families.load import board_class
 from paxisim.hw.families.table import FAMILIES
 
 pytest.importorskip("serial")
-pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from serial_peers import PATIENCE, reader_threads, wait_for
 
@@ -54,6 +60,9 @@ PROFILES = {
         "high-speed", [("thumb", 9), ("index", 2)], wire_layout=shuffled(4, 13), baud=921600, rate=83.0
     ),
     "magnetometer-board": small("magnetometer-board", [("skin", 0)], wire_layout=shuffled(1, 5), baud=115200),
+    "magnetometer-board, text": small(
+        "magnetometer-board", [("skin", 0)], wire_layout=shuffled(1, 5), baud=115200, settings={"text": True}
+    ),
     "xela-counts": replace(
         load_profile("xela-uspa44"),
         wire_layout=shuffled(4, 4),
@@ -95,7 +104,7 @@ def first_good(pads: TactileSensor):
     return frame
 
 
-@pytest.fixture(params=FAMILIES)
+@pytest.fixture(params=PROFILES)
 def profile(request: pytest.FixtureRequest) -> Profile:
     return PROFILES[request.param]
 
@@ -141,6 +150,9 @@ def test_frames_follow_the_signal_until_it_is_zeroed(profile: Profile) -> None:
         while totals[-1] < force[:, 2].sum() * 0.999:
             totals.append(float(pads.read(PATIENCE).force[:, 2].sum()))
         assert totals == sorted(totals)
+        if not board_class(profile.family).questions:
+            with pytest.raises(UnsupportedError, match="in software"):
+                pads.zero(software=False)
         pads.zero()
         np.testing.assert_allclose(first_good(pads).force, 0, atol=1e-5)
 
@@ -157,7 +169,9 @@ def test_two_ports_are_one_tensor(profile: Profile) -> None:
     ):
         frames = [pads.read(PATIENCE) for _ in range(5)]
         half = len(profile.slots)
-        assert len(pads.pads) == 2 * half
+        assert pads.pads == tuple(f"{slot.name}{port}" for port in (0, 1) for slot in profile.slots)
+        first_version, second_version = pads.version().split("\n")
+        assert first_version == second_version
         expected = right if profile.pool == (1, 1) else profile.wire_layout.pool_force(right, *profile.pool)
         for frame in frames:
             np.testing.assert_allclose(frame.force[:half], pressed(profile), rtol=1e-6)
@@ -192,19 +206,3 @@ def test_another_family_is_recognised_and_named(place: int) -> None:
 @pytest.mark.parametrize("spoken", FAMILIES)
 def test_all_other_families_are_recognised_and_named(spoken: str) -> None:
     check_named(spoken, list(FAMILIES))
-
-
-def test_the_table_of_families_gives_each_its_own_classes() -> None:
-    drivers = {board_class(family) for family in FAMILIES}
-    emulations = {emulated_class(family) for family in FAMILIES}
-    assert len(drivers) == len(emulations) == len(FAMILIES)
-    assert all(issubclass(driver, Board) for driver in drivers)
-    assert all(issubclass(emulation, EmulatedBoard) for emulation in emulations)
-    for family in FAMILIES:
-        heard = board_class(family).heard
-        assert any(f"family '{family}'" in what for what in heard), family
-        # a family without questions must be recognisable from what it sends unasked
-        assert board_class(family).questions or not any("requests" in what for what in heard), family
-    for lookup in (board_class, emulated_class):
-        with pytest.raises(KeyError):
-            lookup("no-such-family")

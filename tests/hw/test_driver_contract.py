@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scripted_peers import Box, Conversation, Converter, HandBoard, HighSpeed, make_profile
 
 from paxisim import DeviceTimeoutError, InvalidValueError, ProtocolError, UnsupportedError
 from paxisim.hw.families.control_box import wire as box
@@ -17,10 +18,6 @@ from paxisim.hw.families.load import board_class
 from paxisim.hw.families.serial_converter import wire as converter
 from paxisim.hw.link.clock import SystemClock
 from paxisim.hw.link.transport import Transport
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Box, Conversation, Converter, HandBoard, HighSpeed, make_profile
 
 SCRIPTS = {script.family: script for script in (Box, Converter, HighSpeed, HandBoard)}
 VERSIONS = {
@@ -92,6 +89,7 @@ def foreign(number):
     return box.Reply(0x70, 0xC006, bytes(40)).encode() * 4
 
 
+ELSEWHERE = HighSpeed(modules={4: 9, 6: 31})
 PALM_ELSEWHERE = HighSpeed(modules={0: 9, 21: 31})
 PALM_ELSEWHERE.registers[0x30 + 42] = 0
 
@@ -113,12 +111,7 @@ PALM_ELSEWHERE.registers[0x30 + 42] = 0
         (HighSpeed(refusal), {}, ProtocolError, "error 3"),
         (HighSpeed(frames=0), {}, DeviceTimeoutError, "streams nothing"),
         (Babbling(nothing), {}, ProtocolError, "high-speed board, but"),
-        (
-            HighSpeed(modules={4: 9, 6: 31}),
-            {},
-            ProtocolError,
-            r"0 \(left\), 2 \(right\).*4 \(9 taxels\), 6 \(31 taxels\)",
-        ),
+        (ELSEWHERE, {}, ProtocolError, r"0 \(left\), 2 \(right\).*4 \(9 taxels\), 6 \(31 taxels\)"),
         (HighSpeed(modules={0: 9, 2: 52}), {}, ProtocolError, "9 taxels.*right.*52"),
         (PALM_ELSEWHERE, {"slots": {"finger": 0}}, ProtocolError, "palm_counts"),
         (Silent(), {}, DeviceTimeoutError, "nothing came"),

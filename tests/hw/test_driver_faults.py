@@ -64,7 +64,8 @@ def read_damaged(chosen, messages):
     return right, whole - set(right), len(places) - len(right), readings - len(whole), sensor
 
 
-def check_stream(messages):
+@pytest.mark.parametrize("messages", [2_000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_a_stream_with_a_hundredth_of_all_bytes_corrupted(messages):
     right, missed, wrong, damaged, sensor = read_damaged(profile("gen3-highspeed-mc-m2020"), messages)
     assert right == sorted(set(right))
     assert not missed
@@ -72,15 +73,6 @@ def check_stream(messages):
     assert wrong <= damaged / 256 + 5 * math.sqrt(damaged / 256)
     assert sensor.bad_checksums > damaged / 2
     assert sensor.dropped == 0
-
-
-def test_a_stream_with_a_hundredth_of_all_bytes_corrupted():
-    check_stream(2_000)
-
-
-@pytest.mark.slow
-def test_a_long_stream_with_a_hundredth_of_all_bytes_corrupted():
-    check_stream(10_000)
 
 
 def test_requests_and_replies_with_a_hundredth_of_all_bytes_corrupted(monkeypatch):

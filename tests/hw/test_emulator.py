@@ -9,7 +9,7 @@ import pytest
 from emulated import Numbered, constant, small
 from serial_peers import wait_for
 
-from paxisim import DeviceError, Emulator, InvalidValueError, OutputExistsError
+from paxisim import DeviceError, Emulator, InvalidValueError
 from paxisim.hw.emulation.faults import Faults
 from paxisim.hw.emulation.pacing import PacedLine
 from paxisim.hw.families import registers
@@ -70,7 +70,7 @@ def test_a_host_that_does_not_read_loses_bytes_and_gets_fresh_ones():
         read_until(port, lambda data: len(pushes_in(data)) > 3 and quick.messages > sent)
 
 
-def test_a_link_follows_the_port_and_replaces_no_file(tmp_path):
+def test_a_link_follows_the_port(tmp_path):
     link = tmp_path / "sensor"
     with Emulator(PACED, Numbered(PACED), link=link) as emulator:
         assert emulator.port == str(link)
@@ -93,10 +93,6 @@ def test_a_link_follows_the_port_and_replaces_no_file(tmp_path):
             port.write(high_speed.version_request().encode())
             read_until(port, lambda data: len(data) > 15)
     assert not link.is_symlink()
-    link.write_text("precious")
-    with pytest.raises(OutputExistsError, match="no link"):
-        Emulator(PACED, Numbered(PACED), link=link).start()
-    assert link.read_text() == "precious"
 
 
 def test_unplugging_after_so_many_messages_and_power_on_again():

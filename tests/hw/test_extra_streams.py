@@ -20,7 +20,6 @@ from paxisim.hw.capture.extra_streams import (
     MAX_LINE_BYTES,
     MAX_NAMES,
     CsvLines,
-    EnterKey,
     PolledFunction,
     UdpJson,
     load_function,
@@ -251,15 +250,10 @@ def test_calls_for_which_a_slow_function_leaves_no_time_are_counted_and_one_that
     wait_for(lambda: source.ended)
 
 
-def test_functions_by_name(tmp_path, monkeypatch):
-    (tmp_path / "arm_for_test.py").write_text("def opening():\n    return 0.04\nnumber = 3\n")
+def test_names_of_functions_that_are_none(tmp_path, monkeypatch):
+    (tmp_path / "arm_for_test.py").write_text("number = 3\n\ndef opening():\n    return 0.04\n")
     (tmp_path / "broken_for_test.py").write_text("1 / 0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    inbox = queue.Queue()
-    source = load_function("arm_for_test:opening@100")
-    source.start(inbox, SystemClock())
-    assert inbox.get(timeout=30).stream == "covariate/opening"
-    source.close()
     for text, says in [
         ("arm_for_test:opening", "module:function@HZ"),
         ("arm_for_test@50", "module:function@HZ"),
@@ -273,17 +267,3 @@ def test_functions_by_name(tmp_path, monkeypatch):
     ]:
         with pytest.raises(paxisim.InvalidValueError, match=says):
             load_function(text)
-
-
-def test_enter_on_a_terminal_begins_an_episode():
-    user, terminal = pytest.importorskip("pty").openpty()
-    inbox = queue.Queue()
-    source = EnterKey(terminal)
-    try:
-        source.start(inbox, SystemClock())
-        os.write(user, b"\n")
-        assert inbox.get(timeout=30).stream == "episode"
-    finally:
-        source.close()
-        os.close(user)
-        os.close(terminal)

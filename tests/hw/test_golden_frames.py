@@ -125,6 +125,7 @@ def test_modules_of_the_bitmap_both_ways():
 # ---- what must not be sent
 
 
+BLOCK = hand_board.Block(bytes(45))
 READ, WRITE, ZERO = high_speed.READ, high_speed.WRITE, high_speed.ZERO
 
 
@@ -141,13 +142,8 @@ READ, WRITE, ZERO = high_speed.READ, high_speed.WRITE, high_speed.ZERO
         (high_speed.Request(WRITE, 0, 11, bytes(11)), r"count|data"),
         (high_speed.Request(WRITE, 0, 2, b"\0"), r"count|data"),
         (high_speed.Request(WRITE, 0, 0), r"count|data"),
-        (
-            hand_board.Round(
-                (*[hand_board.Block(bytes(45))] * 2, hand_board.Block(bytes(44)), hand_board.Block(bytes(45)))
-            ),
-            "block 2",
-        ),
-        (hand_board.Round((hand_board.Block(bytes(45)),)), "4 blocks"),
+        (hand_board.Round((BLOCK, BLOCK, hand_board.Block(bytes(44)), BLOCK)), "block 2"),
+        (hand_board.Round((BLOCK,)), "4 blocks"),
     ],
 )
 def test_what_a_board_does_not_take_is_not_encoded(message, says):
@@ -195,7 +191,7 @@ def test_the_longest_reply_of_a_converter_can_be_said():
         (hexed("AA560003000058594C") * 4, "4 pushes of the family 'high-speed'"),
         (hexed("55AA00101700010001D8"), r"own requests.*high-speed"),
         (
-            hand_board.Round((hand_board.Block(bytes(45)),) * 4).encode() * 3 + b"\1",
+            hand_board.Round((BLOCK,) * 4).encode() * 3 + b"\1",
             r"^3 rounds of the family 'hand-board', an older GEN1 hand board \(in 600 of 601 bytes\)$",
         ),
         (random.Random(4).randbytes(5000), "4096 bytes that fit no family, as with a wrong baud rate"),

@@ -4,15 +4,12 @@ import time
 
 import numpy as np
 import pytest
+from scripted_peers import Conversation, HighSpeed, numbered_counts
 
 from paxisim import DeviceTimeoutError
 from paxisim.hw.families.high_speed.stream_layout import StreamLayout
 from paxisim.hw.families.high_speed.wire import Push
 from paxisim.logs.schemas import NO_TAXELS
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Conversation, HighSpeed, numbered_counts
 
 
 def test_pads_come_in_the_order_of_the_slots_and_other_modules_are_skipped():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from paxisim.hw.link.sample_time import LEARNING_FRAMES, SampleClock
 
@@ -15,9 +14,7 @@ SETTLED = 2 * LEARNING_FRAMES
 LATEST = 0.008  # s; a longer delay, close to a period, is indistinguishable from a lost frame
 
 
-def estimates(
-    arrivals: NDArray[np.float64], clock: SampleClock | None = None, behind: NDArray[np.intp] | None = None
-) -> NDArray[np.float64]:
+def estimates(arrivals, clock=None, behind=None):
     """Estimate the times of all arrivals and check that they are in order and not after the arrivals.
 
     `behind` is the number of frames that were queued behind each arrival.
@@ -30,11 +27,11 @@ def estimates(
     return times
 
 
-def ticks(count: int, rate: float) -> NDArray[np.float64]:
+def ticks(count, rate):
     return START + np.arange(count) / rate
 
 
-def delayed(measured: NDArray[np.float64], delay: NDArray[np.float64]) -> NDArray[np.float64]:
+def delayed(measured, delay):
     """Arrivals in order, since frames cannot overtake each other."""
     return np.maximum.accumulate(measured + delay)
 
@@ -55,9 +52,7 @@ JITTERS = {
     latency=st.floats(0, 0.02),
     lost=st.sampled_from([0, 0.01]),
 )
-def test_a_steady_clock_is_freed_of_jitter(
-    seed: int, kind: str, scale: float, drift: float, latency: float, lost: float
-) -> None:
+def test_a_steady_clock_is_freed_of_jitter(seed, kind, scale, drift, latency, lost):
     rng = np.random.default_rng(seed)
     measured = ticks(2000, 83 * (1 + drift))
     came = rng.random(len(measured)) >= lost
@@ -71,12 +66,12 @@ def test_a_steady_clock_is_freed_of_jitter(
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.integers(1, 60)), min_size=1, max_size=40))
-def test_any_queues_give_times_in_order_and_not_after_them(reads: list[tuple[float, int]]) -> None:
+def test_any_queues_give_times_in_order_and_not_after_them(reads):
     arrivals = START + np.repeat(np.cumsum([interval for interval, _ in reads]), [count for _, count in reads])
     estimates(arrivals, behind=np.concatenate([np.arange(count)[::-1] for _, count in reads]))
 
 
-def test_slow_drift_is_followed() -> None:
+def test_slow_drift_is_followed():
     rng = np.random.default_rng(1)
     # the rate swings by 100 ppm within two and a half minutes
     periods = (1 + 1e-4 * np.sin(np.arange(12_000) / 2000)) / 83
@@ -87,7 +82,7 @@ def test_slow_drift_is_followed() -> None:
     assert np.all(np.abs(error) < 3e-4)
 
 
-def test_gaps_are_survived() -> None:
+def test_gaps_are_survived():
     rng = np.random.default_rng(2)
     measured = ticks(3000, 90)
     came = np.ones(3000, dtype=bool)
@@ -100,7 +95,7 @@ def test_gaps_are_survived() -> None:
     assert clock.period == pytest.approx(1 / 90, rel=1e-3)
 
 
-def test_a_new_rate_is_learnt() -> None:
+def test_a_new_rate_is_learnt():
     rng = np.random.default_rng(3)
     measured = START + np.cumsum(np.repeat([1 / 83, 1 / 91, 1 / 60], 1500))
     arrivals = delayed(measured, rng.exponential(5e-4, len(measured)))
@@ -114,7 +109,7 @@ def test_a_new_rate_is_learnt() -> None:
 
 
 @pytest.mark.parametrize("case", ["asked for", "by load", "asked for fast"])
-def test_where_no_steady_clock_is_the_time_is_the_arrival(case: str) -> None:
+def test_where_no_steady_clock_is_the_time_is_the_arrival(case):
     rng = np.random.default_rng(4)
     if case == "asked for":  # each request waits for the previous reply
         intervals = 0.012 + rng.exponential(1.5e-3, 5000)
@@ -127,7 +122,7 @@ def test_where_no_steady_clock_is_the_time_is_the_arrival(case: str) -> None:
     np.testing.assert_array_equal(estimates(arrivals), arrivals)
 
 
-def test_first_frames_are_the_arrivals() -> None:
+def test_first_frames_are_the_arrivals():
     clock = SampleClock()
     arrivals = delayed(ticks(LEARNING_FRAMES, 83), np.random.default_rng(5).exponential(1e-3, LEARNING_FRAMES))
     assert clock.period is None
@@ -135,7 +130,7 @@ def test_first_frames_are_the_arrivals() -> None:
     assert clock.period == pytest.approx(1 / 83, rel=0.01)
 
 
-def test_reset_forgets_the_rate_and_keeps_the_order() -> None:
+def test_reset_forgets_the_rate_and_keeps_the_order():
     clock = SampleClock()
     last = estimates(ticks(500, 83), clock)[-1]
     clock.reset()
@@ -143,9 +138,7 @@ def test_reset_forgets_the_rate_and_keeps_the_order() -> None:
     np.testing.assert_array_equal(estimates(last + np.arange(50) * 0.02, clock), last + np.arange(50) * 0.02)
 
 
-def stalled(
-    measured: NDArray[np.float64], stalls: list[tuple[float, float]], jitter: NDArray[np.float64], kept: int = 10**6
-) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.bool_]]:
+def stalled(measured, stalls, jitter, kept=10**6):
     """Simulate a host that stalls.
 
     Args:
@@ -169,7 +162,7 @@ def stalled(
     return arrivals[came], behind[came], came
 
 
-def test_frames_that_waited_for_a_stalled_host_are_dated_back() -> None:
+def test_frames_that_waited_for_a_stalled_host_are_dated_back():
     rng = np.random.default_rng(6)
     for rate, begin, length in itertools.product((83.0, 91.0, 125.0), (0.5, 3.0, 10.0), (0.05, 0.3, 0.6, 1.6)):
         measured = ticks(1500, rate)
@@ -181,7 +174,7 @@ def test_frames_that_waited_for_a_stalled_host_are_dated_back() -> None:
         assert begin <= 3.0 or error[arrivals > START + 3.0].max() < 2e-3, (rate, begin, length)
 
 
-def test_what_did_not_fit_into_the_queue_was_lost_behind_it() -> None:
+def test_what_did_not_fit_into_the_queue_was_lost_behind_it():
     rng = np.random.default_rng(7)
     measured = ticks(2000, 125)
     arrivals, behind, came = stalled(measured, [(START + 8.0, 1.6)], rng.exponential(3e-4, 2000), kept=90)
@@ -190,7 +183,7 @@ def test_what_did_not_fit_into_the_queue_was_lost_behind_it() -> None:
     assert np.abs(error[SETTLED:]).max() < 2e-3
 
 
-def test_a_port_that_always_brings_several_frames_gives_no_nonsense() -> None:
+def test_a_port_that_always_brings_several_frames_gives_no_nonsense():
     rng = np.random.default_rng(8)
     measured = ticks(6000, 83)
     for every in (0.016, 0.1):

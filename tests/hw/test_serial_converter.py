@@ -1,12 +1,9 @@
 """The driver of the GEN3 serial converter: what only this family does, against a scripted sensor."""
 
 import pytest
+from scripted_peers import Conversation, Converter
 
 from paxisim.hw.families.serial_converter import wire as frames
-
-pytest.importorskip("pty", reason="no pseudo-terminals here")
-
-from scripted_peers import Conversation, Converter
 
 
 def test_resultant_and_taxels_are_read_in_one_request_at_1008_and_zeroed_at_3():

@@ -18,7 +18,6 @@ from paxisim import (
 from paxisim.hw.link.transport import open_transport
 
 pytest.importorskip("serial")
-pytest.importorskip("pty", reason="no pseudo-terminals here")
 
 from serial.tools.list_ports_common import ListPortInfo
 from serial_peers import PATIENCE, plugged_port, wait_for

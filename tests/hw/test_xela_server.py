@@ -24,7 +24,7 @@ from paxisim.hw.link.recognise import describe
 
 pytest.importorskip("websockets", reason="needs the extra websocket")
 
-from serial_peers import wait_for
+from serial_peers import PATIENCE
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.server import serve
@@ -34,7 +34,6 @@ from paxisim.hw.link.websocket import open_websocket
 
 pytestmark = pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 
-PATIENCE = 20.0
 TAXELS = 16
 FORCE = np.linspace(-2, 3, 3 * TAXELS).reshape(1, 3, 4, 4)
 
@@ -149,7 +148,7 @@ def test_what_is_heard_is_named():
 
 
 @pytest.mark.real_time
-def test_counts_are_read_from_the_middle_and_zeroed_in_software():
+def test_counts_are_read_from_the_middle():
     profile = load_profile("xela-uspa44")
     assert (profile.unit, profile.slots, profile.settings) == ("counts", (Slot("pad", 1),), {"model": "uSPa44"})
     with spoken(routine()) as address, open_sensor(address, "xela-uspa44") as pads:
@@ -157,10 +156,6 @@ def test_counts_are_read_from_the_middle_and_zeroed_in_software():
         assert (frame.unit, frame.force.shape, frame.force.dtype) == ("counts", (1, 3, 4, 4), np.float32)
         np.testing.assert_array_equal(frame.force, 10 + np.arange(48).reshape(16, 3).T.reshape(1, 3, 4, 4))
         assert (frame.status, frame.resultant, pads.version(), pads.skipped) == ((0,), None, "", 0)
-        pads.zero()
-        np.testing.assert_array_equal(pads.read(PATIENCE).force, 0)
-        with pytest.raises(paxisim.UnsupportedError, match="takes no commands"):
-            pads.zero(software=False)
 
 
 @pytest.mark.real_time
@@ -251,24 +246,16 @@ def test_a_server_that_does_not_answer_is_not_waited_for():
 
 
 @pytest.mark.real_time
-def test_a_server_that_goes_away_is_found_again_and_one_that_pauses_is_waited_for():
+def test_a_server_that_pauses_is_waited_for():
     profile = load_profile("xela-uspa44")
     faults = Faults(stall=0.02, stall_seconds=2.5)
     with (
         Emulator(profile, lambda now: FORCE * 100, faults=faults, seed=3) as emulator,
         open_sensor(emulator.port, profile) as pads,
     ):
-        address = emulator.port
         with pytest.raises(DeviceTimeoutError, match=r"no frame from ws:.* within 1 s"):
             for _ in pads.stream(1.0):
                 pass
-        assert pads.read(PATIENCE).unit == "counts"
-        emulator.unplug()
-        wait_for(lambda: pads._readers[0].fault)
-        emulator.plug()
-        assert emulator.port == address
-        wait_for(lambda: pads.reconnects == 1)
-        pads.latest(PATIENCE)
         np.testing.assert_array_equal(pads.read(PATIENCE).force, np.rint(FORCE * 100))
 
 

@@ -1,5 +1,6 @@
 """Recordings and files for the log tests."""
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -93,6 +95,22 @@ def refused(path: Path, word: str, **options) -> None:
     """Assert that loading a file fails with an error of ours in which `word` is found."""
     with pytest.raises(InvalidValueError, match=word):
         Recording.load(path, **options)
+
+
+def write_json(path, messages, metadata=None, **options):
+    """Write an MCAP file of messages (topic, log time, document or its bytes) and of paxisim's metadata."""
+    with open(path, "wb") as file:
+        writer = Writer(file, **options)
+        writer.start()
+        if metadata is not None:
+            writer.add_metadata("paxisim", metadata)
+        channels = {}
+        for topic, at, document in messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", 0)
+            data = document if isinstance(document, bytes) else json.dumps(document).encode()
+            writer.add_message(channels[topic], at, data, at)
+        writer.finish()
 
 
 def joint_state(at, names, position, velocity=(), effort=()):

@@ -1,13 +1,11 @@
 """Joint streams of other programs as covariates of a recording: ROS 2 MCAP, JSON MCAP and CSV."""
 
-import json
 import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import METADATA, MS, START, counts, joint_state, refused, write_log, write_ros2
-from mcap.writer import Writer
+from log_files import METADATA, MS, START, counts, joint_state, refused, write_json, write_log, write_ros2
 
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
@@ -20,19 +18,6 @@ def press(tmp_path):
     """A live recording of 50 samples at 100 Hz from `START`."""
     write_log(tmp_path / "press.mcap", counts(50))
     return tmp_path / "press.mcap"
-
-
-def write_json(path, messages):
-    """Write JSON ``messages``, given as (topic, log time, message)."""
-    with open(path, "wb") as file:
-        writer = Writer(file)
-        writer.start()
-        channels = {}
-        for topic, at, message in messages:
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "json", 0)
-            writer.add_message(channels[topic], at, json.dumps(message).encode(), at)
-        writer.finish()
 
 
 def ramp(i):

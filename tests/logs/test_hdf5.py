@@ -72,14 +72,12 @@ def tactile(samples):
 
 def test_a_simulated_demonstration_is_a_recording(tmp_path):
     first, second = demonstration(8, 1), demonstration(5, 2)
-    images = {"image": lambda n: np.zeros((n, 4, 4, 3), np.uint8)}
-    opening = {"opening": lambda n: np.arange(n) * 0.001}
     write(
         tmp_path / "demo.hdf5",
         [(10, *second[:2]), (2, *first[:2])],
         robot0_tactile=tactile,
-        **opening,
-        **images,
+        opening=lambda n: np.arange(n) * 0.001,
+        image=lambda n: np.zeros((n, 4, 4, 3), np.uint8),
     )
     recording = Recording.load(tmp_path / "demo.hdf5")
     assert recording.episode.tolist() == [2] * 8 + [10] * 5  # sorted as numbers, not as text
@@ -181,6 +179,7 @@ def test_files_that_are_none_are_named(tmp_path):
     states, actions, _ = demonstration(4, 1)
     write(tmp_path / "whole.hdf5", [(0, states, actions)], tactile=tactile)
     whole = (tmp_path / "whole.hdf5").read_bytes()
+    short = [(0, states, actions[:3])]
     both = [(0, states, actions), (1, states, actions[:, :1])]
     for make, word in (
         (lambda path: path.write_text("time,joint"), "a.hdf5 is not a complete HDF5 file"),
@@ -188,15 +187,9 @@ def test_files_that_are_none_are_named(tmp_path):
         (damaged_heap, "a heap of texts is damaged"),
         (lambda path: hdf5(path, observations__qpos=np.zeros(3)), "no demonstrations: .*, it holds observations"),
         (lambda path: hdf5(path, data__demo_0__states__what=states), "complete HDF5 file of robosuite or robomimic"),
-        (
-            lambda path: write(path, [(0, states, actions[:3])], tactile=tactile),
-            "demo_0: actions has 3 samples, time has 4",
-        ),
+        (lambda path: write(path, short, tactile=tactile), "demo_0: actions has 3 samples, time has 4"),
         (lambda path: write(path, both, tactile=tactile), "demo_1 differs from .*demo_0 in actions"),
-        (
-            lambda path: write(path, both[:1], left=tactile, right=tactile),
-            "two tensors, obs/left and obs/right",
-        ),
+        (lambda path: write(path, both[:1], left=tactile, right=tactile), "two tensors, obs/left and obs/right"),
     ):
         make(tmp_path / "a.hdf5")
         refused(tmp_path / "a.hdf5", word)

@@ -8,8 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from log_files import START, refused
-from mcap.writer import CompressionType, Writer
+from log_files import START, refused, write_json
 
 import paxisim
 from paxisim.errors import InvalidValueError
@@ -51,21 +50,12 @@ pytestmark = [
 ]
 
 
-def message_file(path, *messages, metadata=None, topic="/tactile/measured"):
-    """Write a recording with the given JSON messages."""
-    with open(path, "wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start()
-        described = {"format": "paxisim-recording/1", **{k: json.dumps(v) for k, v in (metadata or {}).items()}}
-        writer.add_metadata("paxisim", described)
-        channels = {}
-        for i, message in enumerate(messages):
-            name, document = message if isinstance(message, tuple) else (topic, message)
-            if name not in channels:
-                channels[name] = writer.register_channel(name, "json", 0)
-            data = document if isinstance(document, bytes) else json.dumps(document).encode()
-            writer.add_message(channels[name], START + i, data, START + i)
-        writer.finish()
+def message_file(path, *messages, metadata=None):
+    """Write a recording with the given messages, measured ones or (topic, message)."""
+    described = {"format": "paxisim-recording/1", **{k: json.dumps(v) for k, v in (metadata or {}).items()}}
+    pairs = [one if isinstance(one, tuple) else ("/tactile/measured", one) for one in messages]
+    timed = [(topic, START + i, message) for i, (topic, message) in enumerate(pairs)]
+    write_json(path, timed, described)
 
 
 def sample(**changes):

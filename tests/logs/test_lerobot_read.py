@@ -7,15 +7,11 @@ import pytest
 from log_files import refused
 
 from paxisim.cli import main
-from paxisim.errors import MissingExtraError, UnknownNameError, UnsupportedError
+from paxisim.errors import UnknownNameError
 from paxisim.logs.limits import VARIABLE
-from paxisim.logs.parquet import require_pyarrow
 from paxisim.recording import Recording
 
-try:
-    require_pyarrow()
-except (MissingExtraError, UnsupportedError) as error:
-    pytest.skip(str(error), allow_module_level=True)
+pytest.importorskip("pyarrow.parquet", exc_type=ImportError)
 
 import pyarrow as pa
 from pyarrow import parquet

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_files import LAYOUT, START, counts, refused
-from mcap.writer import Writer
+from log_files import LAYOUT, START, counts, refused, write_json
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
@@ -138,19 +137,10 @@ def test_what_a_pad_in_error_says_is_not_known(tmp_path):
 
 def test_foreign_files_are_told_apart(tmp_path):
     path = tmp_path / "a.mcap"
-    for metadata, topics, word in (
-        ({}, ["/camera"], r"not a recording of paxisim.*\(its topics: /camera\)"),
-        ({"format": "paxisim-recording/9"}, [], "of format 'paxisim-recording/9'"),
-    ):
-        with open(path, "wb") as file:
-            writer = Writer(file)
-            writer.start()
-            for topic in topics:
-                writer.add_message(writer.register_channel(topic, "json", 0), 1, b"{}", 1)
-            if metadata:
-                writer.add_metadata("paxisim", metadata)
-            writer.finish()
-        refused(path, word)
+    write_json(path, [("/camera", 1, {})])
+    refused(path, r"not a recording of paxisim.*\(its topics: /camera\)")
+    write_json(path, [], {"format": "paxisim-recording/9"})
+    refused(path, "of format 'paxisim-recording/9'")
     for content, word in (
         (b"PK\3\4 and more", "but a zip"),
         (b"hello world", "begins with b'hello wo'"),

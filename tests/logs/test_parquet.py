@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 from log_files import refused
 
-from paxisim.errors import MissingExtraError, UnsupportedError
-from paxisim.logs.parquet import require_pyarrow
 from paxisim.logs.parquet_footer import column_chunks
 from paxisim.recording import Recording
 
-try:
-    require_pyarrow()
-except (MissingExtraError, UnsupportedError) as error:
-    pytest.skip(str(error), allow_module_level=True)
+pytest.importorskip("pyarrow.parquet", exc_type=ImportError)
 
 import pyarrow as pa
 from pyarrow import parquet
