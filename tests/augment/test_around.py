@@ -5,20 +5,8 @@ import pytest
 from forces import needs_torch, torch
 from scipy import stats
 
-from paxisim import GCS
-from paxisim.augment import (
-    AxisGain,
-    Chain,
-    Creep,
-    FittedGCS,
-    Hysteresis,
-    Latency,
-    LowPass,
-    RandomWalk,
-    TaxelGain,
-    WhiteNoise,
-)
-from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim import GCS, Chain, InvalidValueError, UnknownNameError
+from paxisim.augment import AxisGain, Creep, FittedGCS, Hysteresis, Latency, LowPass, RandomWalk, TaxelGain, WhiteNoise
 
 GAINS = np.linspace(0.9, 1.1, 60).reshape(2, 6, 5)
 MODEL = Chain(

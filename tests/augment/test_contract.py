@@ -24,7 +24,6 @@ from transform_examples import (
     at,
     every,
     example,
-    examples,
     inputs,
     keys_of,
     stacked,
@@ -34,10 +33,6 @@ from transform_examples import (
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import STAGES, Transform
-
-
-def test_every_transform_has_an_example():
-    assert set(KINDS) == set(examples(0))
 
 
 @every

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from forces import needs_torch, torch
 
-from paxisim.augment import CentreOfPressure, History, TaxelBinarization, TaxelDirection, encoding
+from paxisim import History, InvalidValueError, TaxelLayout, encoding
+from paxisim.augment import CentreOfPressure, TaxelBinarization, TaxelDirection
 from paxisim.augment.encodings import ENCODINGS
-from paxisim.errors import InvalidValueError
-from paxisim.layout import TaxelLayout
 
 LAYOUT = TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
 NAMES = ["NT", "TF", "TB", "TD", "DT", "GCS", "CoP"]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from paxisim.augment import GCS, AxisGain, Chain, Creep, LowPass, TemperatureDrift, Transform
-from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.layout import TaxelLayout
+from paxisim import GCS, Chain, InvalidValueError, TaxelLayout, UnknownNameError
+from paxisim.augment import AxisGain, Creep, LowPass, TemperatureDrift, Transform
 
 gymnasium = pytest.importorskip("gymnasium")
 TactileTransform = pytest.importorskip("paxisim.augment.gym").TactileTransform

@@ -73,15 +73,6 @@ def test_step_and_ramp_response(kind):
     np.testing.assert_allclose(respond(Creep(AMPLITUDE, TAU), time, time), time + modes @ AMPLITUDE, atol=1e-11)
 
 
-def test_a_stream_begins_with_its_creep_complete():
-    creep = Creep((0.1, 0.2), (0.5, 5.0))
-    x = np.random.default_rng(0).normal(size=FRAME)
-    state = creep.initial_state(x)
-    for load, dt, reading in ((x, 0.0, 1.3 * x), (x, 1e3, 1.3 * x), (x + 1, 0.0, 1.3 * x + 1)):
-        y, state = creep.step(load, state, dt)
-        np.testing.assert_allclose(y, reading, rtol=1e-12)
-
-
 def test_creep_is_a_sum_of_low_passes_and_without_time_constant_a_gain():
     x, time = np.random.default_rng(0).normal(size=(50, *FRAME)), times("irregular", 5.0, 50)
     y = Creep((0.1, 0.3), (0.2, 1.0)).run(x, time)

@@ -10,8 +10,7 @@ from scipy import stats
 from transform_examples import FRAME
 
 from paxisim.augment import Chain, Latency, RandomWalk, WhiteNoise
-from paxisim.augment.random_numbers import SEEDS, _to_unit, _words, check_seed, no_draws, normal, uniform
-from paxisim.errors import InvalidValueError
+from paxisim.augment.random_numbers import SEEDS, _to_unit, _words, no_draws, normal, uniform
 
 
 def frames(*batch, dtype="float64"):
@@ -102,15 +101,6 @@ def test_extremes_dtypes_and_an_odd_number_of_elements():
     for draw in (normal, uniform):
         double = draw(1, no_draws(single), frames(2), 1)
         np.testing.assert_array_equal(draw(1, no_draws(single), single, 1), double.astype("float32"), strict=True)
-
-
-def test_a_seed_that_is_no_integer_is_refused():
-    for seed in (0.0, np.array([1.0]), 1j, "1", *([torch.tensor(1.0)] if torch else [])):
-        with pytest.raises(InvalidValueError, match=r"^Someone: seed must be integers, got"):
-            check_seed("Someone", seed)
-    for kind in (WhiteNoise, RandomWalk, Latency):
-        with pytest.raises(InvalidValueError, match=f"^{kind.__name__}: seed must be integers"):
-            kind(seed=1.0)
 
 
 @needs_torch

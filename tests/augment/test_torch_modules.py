@@ -7,11 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
+from paxisim import InvalidValueError, TaxelLayout, UnknownNameError
 from paxisim.augment import AxisGain, LowPass, Poisson, TaxelGain
 from paxisim.augment import chain as chains
 from paxisim.augment.gcs import GCS as Paper
-from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.layout import TaxelLayout
 
 torch = pytest.importorskip("torch")
 modules = pytest.importorskip("paxisim.augment.torch")
@@ -113,7 +112,6 @@ def test_kept_parameters_travel(build):
     assert torch.equal(other(X), y)
     other.load_state_dict(torch.nn.Sequential(build(per="episode")).state_dict())
     assert not torch.equal(other(X), y), "no parameters were kept"
-    assert module.to("meta")(X.to("meta")).device.type == "meta"
 
 
 def test_nothing_waits_for_the_device(build):

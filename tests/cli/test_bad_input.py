@@ -23,6 +23,7 @@ ADDED = {
     "record": f"--profile {BOARD} -o press.mcap",
     "calibrate": "-o a.npz",
     "diagnose": "-o out",
+    "live": "--save a.rrd --seconds 1",
     "protocol": "-o a.json",
     "replay": "-o a.npz",
 }
@@ -46,7 +47,6 @@ BAD = {
         ("example gripper -o gripper.xml", "gripper.xml exists"),
         ("info none.mcap", NO_FILE),
         ("info text.mcap", "text.mcap"),
-        ("live none.mcap --save a.rrd", NO_FILE),
         ("convert a.mcap a.h5", "must end in .parquet, .npz or .mcap"),
         ("convert a.mcap a.mcap", "exists"),
         ("convert a.mcap no/b.npz", "folder does not exist"),
@@ -156,6 +156,22 @@ BAD = {
         ("a.mcap -o made", "--force"),
         ("", "expected a recording"),
     ],
+    "live": [
+        ("none.mcap", NO_FILE),
+        ("none.xml", "no such model file"),
+        ("bare.xml", "no pads"),
+        ("notes.txt", "expected a recording"),
+        ("damaged.npz", "damaged.npz"),
+        ("/dev/none", "needs --profile"),
+        ("/dev/none --profile gen2-boks-120", "did you mean 'gen2-box-120'"),
+        ("padded.xml --profile gen2-box-120", "--profile is for a port"),
+        ("padded.xml --seconds 0", "--seconds must be positive"),
+        ("padded.xml --vmax 0", "vmax must be"),
+        ("padded.xml --fps -1", "--fps must be"),
+        ("padded.xml --save view.txt", "must end in .rrd"),
+        ("padded.xml --save there.rrd", "there.rrd exists; --force overwrites it"),
+        ("padded.xml --save none/view.rrd", "folder does not exist"),
+    ],
     "protocol": [
         ("open-close --depth-mm 1", "open-close touches nothing: it takes no --depth-mm"),
         ("regrasp --sensor paxini-gen1-l4629", "regrasp is the same for every pad"),
@@ -177,11 +193,12 @@ def inputs(tmp_path_factory):
         "broken.xml": "<mujoco><worldbody><geom/></mujoco>",
         "bare.xml": "<mujoco/>",
         "broken.py": "def press(:",
-        "b.png": "mine",
-        **dict.fromkeys(["text.npz", "text.xml", "text.mcap"], "some text"),
+        **dict.fromkeys(["b.png", "there.rrd"], "mine"),
+        **dict.fromkeys(["notes.txt", "text.npz", "text.xml", "text.mcap"], "some text"),
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
+    (folder / "damaged.npz").write_bytes(b"PK\x03\x04 not a recording")
     (folder / "my-link").symlink_to("text.npz")
     (folder / "made").mkdir()
     (folder / "made" / "model.json").write_text("mine")
@@ -202,6 +219,8 @@ def contents(folder):
 @pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
 @pytest.mark.parametrize("verb", BAD, ids=lambda verb: verb or "others")
 def test_bad_input_is_one_line_and_status_2_and_changes_nothing(verb, inputs, monkeypatch, capsys):
+    if verb == "live":
+        pytest.importorskip("rerun", exc_type=ImportError)
     monkeypatch.chdir(inputs)
     before = contents(inputs)
     for line, said in BAD[verb]:

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 import paxisim
+from paxisim import Recording, load_profile
 from paxisim.cli import main
 from paxisim.cli.emulate import make_signal
 from paxisim.cli.scene_signal import LONGEST_CATCH_UP, SceneSignal
-from paxisim.hw.profiles.load import load_profile
-from paxisim.recording import Recording
 
 pytestmark = pytest.mark.real_time
 
@@ -87,13 +86,6 @@ def test_on_a_terminal_it_says_how_it_goes():
     assert said.count("\n") == 1
     assert "0 messages/s, 0 in all, 0 bytes lost" in os.read(ours, 4096).decode()
     os.close(ours)
-
-
-def test_it_ends_by_itself_after_so_many_seconds(capsys):
-    assert main(["emulate", "--profile", GRID, "--seconds", "0.1"]) == 0
-    said = capsys.readouterr()
-    assert re.fullmatch(r"/dev/\S+\n", said.out)
-    assert said.err == ""
 
 
 def test_a_function_is_called_and_one_that_fails_later_is_one_line_and_status_2():

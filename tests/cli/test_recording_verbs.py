@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from paxisim import Recording, TaxelLayout
 from paxisim.cli import main
-from paxisim.layout import TaxelLayout
 from paxisim.logs.mcap_writer import LogWriter
-from paxisim.recording import Recording
 
 START = 1_700_000_000_000_000_000
 

@@ -74,6 +74,29 @@ def bending_hand(bend="0 1.4") -> tuple[str, str]:
     return f'<body name="palm">{palm}{bodies}</body>', actuators
 
 
+def three_fingers() -> tuple[str, str]:
+    """Return a palm with three fingers around it that bend towards its axis, and their actuators."""
+    fingers = "".join(
+        f"""<body name="arm{i}" euler="0 0 {np.radians(120 * i)}"><body name="finger{i}" pos="0.06 0 0">
+          <joint name="finger{i}" axis="0 -1 0" range="-0.4 0.7" damping="0.05"/>
+          <geom name="finger{i}" type="box" pos="0 0 0.04" size="0.004 0.008 0.03" mass="0.03"/></body></body>"""
+        for i in range(3)
+    )
+    palm = f'<body name="palm"><geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>{fingers}</body>'
+    return palm, "".join(f'<position joint="finger{i}" kp="2" ctrlrange="-0.4 0.7"/>' for i in range(3))
+
+
+def one_jaw() -> tuple[str, str]:
+    """Return a fixed jaw with one above it that turns towards it, and its actuator."""
+    bodies = """<body name="base">
+      <geom name="fixed" type="box" pos="0.05 0 0" size="0.05 0.01 0.004"/>
+      <body name="jaw" pos="0 0 0.03">
+        <joint name="jaw" axis="0 1 0" range="-1 0.3" damping="0.1"/>
+        <geom name="jaw" type="box" pos="0.06 0 0" size="0.03 0.01 0.004" mass="0.05"/>
+      </body></body>"""
+    return bodies, '<position name="jaw" joint="jaw" kp="5" ctrlrange="-1 0.3"/>'
+
+
 def robot(*parts: tuple[str, str], extra="", world="") -> str:
     """Return the MJCF text of bodies with their actuators."""
     bodies, actuators = "".join(p[0] for p in parts), "".join(p[1] for p in parts)

@@ -4,12 +4,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from paxisim.layout import TaxelLayout
-from paxisim.models.attach import attach
-from paxisim.models.gel import Gel
-from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
-from paxisim.models.pads import Pads, find_pads
+from paxisim import Gel, Mount, Pad, Pads, TaxelLayout, attach, find_pads
 
 LAYOUT = TaxelLayout(3, 4, 4e-3)
 TILTED = tuple(Rotation.from_euler("xyz", [70, -40, 110], degrees=True).as_quat()[[3, 0, 1, 2]])

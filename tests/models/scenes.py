@@ -5,10 +5,7 @@ from importlib.resources import files
 import mujoco
 import numpy as np
 
-from paxisim.layout import TaxelLayout
-from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
-from paxisim.models.pads import Pads, find_pads
+from paxisim import Mount, Pad, Pads, TaxelLayout, find_pads
 
 PAPER = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
 POOLED = PAPER.pool(2, 2)

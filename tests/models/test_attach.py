@@ -12,13 +12,7 @@ import pytest
 from scenes import GRIPPER, INTO_FINGER, POOLED, TIP_SURFACE
 
 import paxisim
-from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.layout import TaxelLayout
-from paxisim.models.attach import attach
-from paxisim.models.gel import Gel
-from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
-from paxisim.models.pads import find_pads
+from paxisim import Gel, InvalidValueError, Mount, Pad, TaxelLayout, UnknownNameError, attach, find_pads
 
 LEFT = Mount("left_finger", TIP_SURFACE, INTO_FINGER, ("left_tip",))
 RIGHT = Mount("right_finger", TIP_SURFACE, INTO_FINGER, (1,))  # its geom has no name
@@ -195,25 +189,6 @@ def test_bind_and_find_pads_agree_whatever_the_order_of_the_mounts():
             assert bound.layouts == found.layouts == (layout, layout)
 
 
-def test_bind_gives_the_gel():
-    gel = Gel(modulus=80e3, friction=0.6)
-    gripper = attach(GRIPPER, Pad(POOLED, gel=gel), MOUNTS)
-    model, reference = gripper.compile(), gripper.compile()
-    pads = gripper.bind(model)
-    gel.apply(reference, find_pads(reference))
-    np.testing.assert_array_equal(model.geom_solref, reference.geom_solref)
-    np.testing.assert_array_equal(model.body_invweight0, reference.body_invweight0)
-    assert set(model.geom_friction[pads.geoms, 0].flat) == {0.6}
-
-
-def test_a_model_without_the_pads_cannot_be_bound(bare):
-    gripper = attach(GRIPPER, PAD, MOUNTS)
-    with pytest.raises(InvalidValueError, match="no pad 'left_finger_pad' in the model; its pads: none"):
-        gripper.bind(bare)
-    with pytest.raises(InvalidValueError, match="no pad 'x_left_finger_pad' in the model; its pads: left_finger_pad, "):
-        gripper.bind(gripper.compile(), prefix="x_")
-
-
 def test_fingertips_and_palm_in_two_calls(bare):
     tips = attach(GRIPPER, PAD, MOUNTS)
     palm = attach(tips.spec, Pad(TaxelLayout(4, 4, 4e-3), mass=5e-3), [Mount("hand", (0, 0, -0.02), name="palm")])
@@ -309,18 +284,12 @@ def test_mounts_that_do_not_fit(mounts, error, message):
         attach(GRIPPER, PAD, mounts)
 
 
-def test_grippers_that_cannot_be_used(tmp_path):
-    taken = GRIPPER.replace('"hand"', '"left_finger_pad"')
-    cases = {
-        tmp_path / "nowhere.xml": r"no such model file: .*nowhere\.xml",
-        "<mujoco><worldbody><body></mujoco>": "MuJoCo cannot parse the XML text: ",
-        taken: "two bodies named 'left_finger_pad'",
-        GRIPPER.replace("<asset>", '<asset><mesh name="tip" file="tip.stl"/>'): r"cannot compile .*pads: .*tip\.stl",
-    }
-    for gripper, message in cases.items():
-        with pytest.raises(InvalidValueError, match=message) as refused:
-            attach(gripper, PAD, MOUNTS)
-        assert "\n" not in str(refused.value)
+def test_grippers_that_cannot_be_used():
+    with pytest.raises(InvalidValueError, match="two bodies named 'left_finger_pad'"):
+        attach(GRIPPER.replace('"hand"', '"left_finger_pad"'), PAD, MOUNTS)
+    without_mesh = GRIPPER.replace("<asset>", '<asset><mesh name="tip" file="tip.stl"/>')
+    with pytest.raises(InvalidValueError, match=r"cannot compile .*pads: .*tip\.stl"):
+        attach(without_mesh, PAD, MOUNTS)
     with pytest.raises(UnknownNameError, match=r"unknown sensor 'xela-uspa4'; did you mean .*'xela-uspa44'"):
         attach(GRIPPER, "xela-uspa4", MOUNTS)
 

@@ -7,13 +7,11 @@ import functools
 import mujoco
 import numpy as np
 import pytest
-from fingers import BOX, box, check_two, robot, two_fingers
+from fingers import BOX, box, check_two, one_jaw, robot, three_fingers, two_fingers
 from scenes import axes_of
 
-from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.layout import TaxelLayout
-from paxisim.models.attach import attach
-from paxisim.models.find_mounts import choose_mounts, find_mounts
+from paxisim import InvalidValueError, TaxelLayout, UnknownNameError, attach, find_mounts
+from paxisim.models.find_mounts import choose_mounts
 from paxisim.models.load import load_spec
 
 PLAIN = robot(two_fingers())
@@ -216,18 +214,7 @@ def test_a_four_bar_linkage():
 
 
 def test_three_fingers_around_a_centre():
-    fingers = "".join(
-        f"""
-        <body name="arm{i}" euler="0 0 {np.radians(120 * i)}"><body name="finger{i}" pos="0.06 0 0">
-          <joint name="finger{i}" axis="0 -1 0" range="-0.4 0.7" damping="0.05"/>
-          <geom name="finger{i}" type="box" pos="0 0 0.04" size="0.004 0.008 0.03" mass="0.03"/>
-        </body></body>
-        """
-        for i in range(3)
-    )
-    servos = "".join(f'<position joint="finger{i}" kp="2" ctrlrange="-0.4 0.7"/>' for i in range(3))
-    palm = f'<body name="palm"><geom type="cylinder" size="0.07 0.01" pos="0 0 -0.03"/>{fingers}</body>'
-    found = find_mounts(robot((palm, servos)))
+    found = find_mounts(robot(three_fingers()))
     assert [m.body for m in found.mounts] == ["finger0", "finger1", "finger2"]
     for face in found.faces:
         np.testing.assert_allclose(face.mount.pos, (-0.004, 0, 0.04), atol=1e-4)
@@ -236,13 +223,7 @@ def test_three_fingers_around_a_centre():
 
 
 def test_one_jaw_against_a_fixed_one():
-    bodies = """<body name="base">
-      <geom name="fixed" type="box" pos="0.05 0 0" size="0.05 0.01 0.004"/>
-      <body name="jaw" pos="0 0 0.03">
-        <joint name="jaw" axis="0 1 0" range="-1 0.3" damping="0.1"/>
-        <geom name="jaw" type="box" pos="0.06 0 0" size="0.03 0.01 0.004" mass="0.05"/>
-      </body></body>"""
-    found = find_mounts(robot((bodies, '<position name="jaw" joint="jaw" kp="5" ctrlrange="-1 0.3"/>')))
+    found = find_mounts(robot(one_jaw()))
     base, jaw = found.mounts
     assert (base.body, base.replaces, jaw.body, jaw.replaces) == ("base", ("fixed",), "jaw", ("jaw",))
     # the outer part of the jaw, which reaches from 30 to 90 mm

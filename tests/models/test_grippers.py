@@ -11,16 +11,10 @@ import numpy as np
 import pytest
 from scenes import axes_of
 
-from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from paxisim import InvalidValueError, MissingExtraError, UnknownNameError, find_mounts, mounts_for
 from paxisim.models.faces import shadowing
-from paxisim.models.find_mounts import choose_mounts, find_mounts
-from paxisim.models.grippers import (
-    known_gripper,
-    known_grippers,
-    mounts_for,
-    mounts_for_file,
-    robosuite_gripper_path,
-)
+from paxisim.models.find_mounts import choose_mounts
+from paxisim.models.grippers import known_gripper, known_grippers, mounts_for_file, robosuite_gripper_path
 from paxisim.models.links import Links
 from paxisim.models.load import load_spec
 from paxisim.models.surfaces import surface_of

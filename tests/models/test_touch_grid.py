@@ -4,18 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 from pressing import JOINTS, LAYOUT, OBJECTS, TILTED, attached, place_object, push, scene, squeezed
+from scenes import PAPER
 
+from paxisim import GaussianBump, Mount, Pad, TactileReadout, TaxelLayout, TouchGridReadout, find_pads, set_surface
 from paxisim.errors import InvalidValueError, UnsupportedError
-from paxisim.layout import TaxelLayout
-from paxisim.models.mount import Mount
-from paxisim.models.pad import Pad
-from paxisim.models.pads import find_pads, set_surface
-from paxisim.models.readout import TactileReadout
-from paxisim.models.surface import GaussianBump
-from paxisim.models.touch_grid import TouchGridReadout
 
 SIGN_IS_SOUND = not mujoco.mj_versionString().startswith("3.")
-PAPER = TaxelLayout(12, 10, (26.1e-3 / 12, 22.6e-3 / 10))
 AGREEMENT = 1e-3  # bound on the relative L1 difference; readouts that agree do so to rounding
 
 

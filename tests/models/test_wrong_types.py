@@ -52,13 +52,3 @@ def test_pads_of_another_model(models, own):
             use("left_finger_pad")
     with pytest.raises(paxisim.InvalidValueError, match=r"expected a compiled mujoco.MjModel, got MjData"):
         paxisim.TactileReadout(mujoco.MjData(model), other)
-
-
-def test_a_pitch_in_millimetres_is_asked_about():
-    for pitch, meant in (
-        (4.0, r"taxels of 4 m; were millimetres meant, \(0\.004, 0\.004\)\?"),
-        ((4.35, 4.52), "0.0045"),
-    ):
-        with pytest.raises(paxisim.InvalidValueError, match=meant):
-            paxisim.TaxelLayout(6, 5, pitch)
-    assert paxisim.TaxelLayout(6, 5, 1.0).pitch == (1.0, 1.0)

@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 
 import paxisim
-from paxisim.layout import TaxelLayout
-from paxisim.recording import Recording
+from paxisim import Recording, TaxelLayout
 
 LAYOUT = TaxelLayout(6, 5, (26.1e-3 / 6, 22.6e-3 / 5))
 ENCODER = 5e-5  # m

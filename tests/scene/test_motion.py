@@ -11,13 +11,6 @@ TIME = np.arange(800) / 100
 TRUE = path(TIME, [0, 1, 2, 3, 4, 4.2, 4.4, 8], [0, 0, 4e-3, 4e-3, 1e-3, 1e-3, 2e-3, 2e-3])
 
 
-def test_velocity_and_acceleration_are_those_of_the_positions():
-    fine = np.linspace(1.1, 1.9, 8001)
-    position, velocity, acceleration = Curve(TIME, TRUE)(fine)
-    np.testing.assert_allclose(np.gradient(position, fine)[1:-1], velocity[1:-1], atol=1e-7)
-    np.testing.assert_allclose(np.gradient(velocity, fine)[1:-1], acceleration[1:-1], atol=1e-4)
-
-
 def test_before_and_after_its_samples_a_motion_rests():
     curve = Curve(TIME, 1e-3 * TIME)
     position, velocity, acceleration = curve(np.array([-1.0, TIME[-1] + 1]))

@@ -42,12 +42,6 @@ def test_what_is_saved_loads_as_it_was(tmp_path):
         assert getattr(loaded, name) == getattr(scene, name), name
 
 
-def test_the_text_of_an_mjcf_is_written_beside_the_scene(tmp_path):
-    ready.indenter(LAYOUT).save(tmp_path / "press.toml")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["press.toml", "press.xml"]
-    assert Scene.load(tmp_path / "press.toml").drives == ready.indenter(LAYOUT).drives
-
-
 GOOD = 'mjcf = "a.xml"\n[[drive]]\nstream = "z"\njoint = "z"\n'
 BAD = {
     "": "the scene needs mjcf",

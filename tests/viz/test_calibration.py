@@ -1,13 +1,7 @@
 """Pictures of presses and of a calibration."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from load_rig import NAMES, rig
 
 import paxisim

@@ -48,17 +48,6 @@ def test_a_slow_consumer_costs_the_oldest_values_and_never_a_wait():
     assert queue.taken == 4
 
 
-def test_a_producer_that_waits_loses_nothing_and_order_is_kept():
-    consumer = Consumer()
-    queue = HandOver(consumer, size=5)
-    for value in range(500):
-        queue.put(value, wait=True)
-    queue.close()
-    assert [*itertools.chain(*consumer.batches)] == list(range(500))
-    assert (queue.given, queue.taken, queue.dropped) == (500, 500, 0)
-    assert max(map(len, consumer.batches)) <= 5
-
-
 def test_beyond_the_rate_values_are_left_out_evenly():
     consumer, queue = held_up(size=1000, period=0.0, rate=100.0)
     for value in range(1, 1001):

@@ -10,8 +10,7 @@ import pytest
 pytest.importorskip("rerun", exc_type=ImportError)
 from rrd_files import read_rrd, rgba
 
-from paxisim.errors import InvalidValueError, MissingExtraError, UnsupportedError
-from paxisim.layout import TaxelLayout
+from paxisim import InvalidValueError, MissingExtraError, TaxelLayout, UnsupportedError
 from paxisim.viz.colors import taxel_colors
 from paxisim.viz.live import LiveView
 from paxisim.viz.live_drawing import LiveDrawing, import_rerun

@@ -191,42 +191,6 @@ def test_ctrl_c_ends_an_endless_source_cleanly_with_a_whole_file(folder):
     assert not list(folder.glob(".view*"))
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["none.npz"], "none.npz"),
-        (["none.xml"], "no such model file"),
-        (["empty.xml"], "pad"),
-        (["notes.txt"], "expected a recording"),
-        (["damaged.npz"], "damaged.npz"),
-        (["/dev/none"], "needs --profile"),
-        (["/dev/none", "--profile", "gen2-boks-120"], "did you mean 'gen2-box-120'"),
-        (["scene.xml", "--profile", "gen2-box-120"], "--profile is for a port"),
-        (["scene.xml", "--seconds", "0"], "--seconds must be positive"),
-        (["scene.xml", "--vmax", "0"], "vmax must be"),
-        (["scene.xml", "--fps", "-1"], "--fps must be"),
-        (["scene.xml", "--save", "view.txt"], "must end in .rrd"),
-        (["scene.xml", "--save", "there.rrd"], "--force overwrites"),
-        (["scene.xml", "--save", "none/view.rrd"], "folder does not exist"),
-    ],
-)
-def test_bad_input_is_one_line_and_leaves_nothing(words, says, folder, capsys):
-    Path("empty.xml").write_text("<mujoco/>")
-    Path("notes.txt").write_text("notes")
-    Path("there.rrd").write_text("precious")
-    Path("damaged.npz").write_bytes(b"PK\x03\x04 not a recording")
-    before = sorted(folder.iterdir())
-    words = [*words, *([] if "--save" in words else ["--save", "view.rrd"])]
-    words = [*words, *([] if "--seconds" in words else ["--seconds", "1"])]
-    assert main(["live", *words]) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.startswith("paxisim: error: ")
-    assert error.count("\n") == 1
-    assert sorted(folder.iterdir()) == before
-    assert Path("there.rrd").read_text() == "precious"
-
-
 def test_without_rerun_or_a_display_it_says_what_to_do(folder, monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

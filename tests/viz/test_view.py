@@ -10,10 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from paxisim.errors import InvalidValueError, UnsupportedError
-from paxisim.layout import TaxelLayout
-from paxisim.models.pad import Pad
-from paxisim.models.pads import find_pads
+from paxisim import InvalidValueError, Pad, TaxelLayout, UnsupportedError, find_pads
 from paxisim.viz import view as live
 
 LAYOUT = TaxelLayout(3, 4, 4e-3)
