@@ -56,7 +56,7 @@ def diagnose(
         scene: Scene file, .toml, as for `paxisim replay`.
         sensor: Model of the sensor known beforehand, .json: the model.json of a diagnosis of the same unit, or a chain
             of your own. What its gel and magnets do is taken as known.
-        causes: Causes to search for, separated by commas; default: all.
+        causes: Causes to search for, separated by commas; default: all but those of a known sensor.
             Sensor causes: axis_gain, taxel_gain, offset, drift,
             stiffening, gel_operator, axis_coupling, rotation,
             layout, creep, hysteresis, low_pass,

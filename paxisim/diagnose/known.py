@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.transform import Transform
+from paxisim.diagnose.vocabulary import known_causes
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
@@ -50,6 +51,11 @@ class KnownSensor:
                 f"as gel_operator or axis_gain, got {', '.join(whole.names) or 'an empty chain'}"
             )
         return cls(Chain(kept.values(), kept), tuple(name for name in whole.names if name not in kept))
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names of the causes that it accounts for."""
+        return tuple(name for name in self.chain.names if name in known_causes())
 
     def seen(self, force: NDArray[np.floating], recording: Recording) -> NDArray[np.float32]:
         """Return what the sensor reads of simulated forces.

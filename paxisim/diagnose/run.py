@@ -49,14 +49,15 @@ def diagnose(
     Args:
         recording: Recording with measured and simulated tensors in newtons and several episodes; the simulation replays
             the same motion. It may have covariates, such as `gripper_opening` (m) or joint angles (rad).
-        causes: Names of the causes to look for, from `known_causes`; default: all.
+        causes: Names of the causes to look for, from `known_causes`; default: all but those of a known sensor.
         scene: Scene driven by the recording's streams. It adds causes inside the scene, such as friction or the
             position of a pad, and the recording then needs no simulated tensor. Replays run in `jobs` processes, so a
             script needs an ``if __name__ == "__main__":`` guard.
         sensor: Model of the sensor known beforehand, such as the `Diagnosis.model` of a recording of the same unit, or
             `paxisim.nominal_operator` of the product. What its layer and magnets do is taken as known: the simulation
-            is seen through it, and causes are searched in what it does not explain. What its electronics do, such as
-            a zero offset, may change and is fitted anew.
+            is seen through it, and causes are searched in what it does not explain. Its own causes are not searched
+            again unless `causes` has them. What its electronics do, such as a zero offset, may change and is fitted
+            anew.
         seed: Random seed of the bootstrap over episodes and of the black box; at least 0.
         jobs: Number of processors, at least 1; it does not affect the result.
         progress: Called with a description of the current stage and the estimated share of the work done, from 0 to 1.
@@ -72,6 +73,10 @@ def diagnose(
     _check(causes, scene, seed, jobs)
     tell = progress or (lambda stage, share: None)
     known = None if sensor is None else KnownSensor.of(sensor)
+    taken: dict[str, str] = {}
+    if known is not None and causes is None:
+        taken = dict.fromkeys(known.causes, "it is taken as known")
+        causes = [name for name in known_causes() if name not in taken]
     if scene is None:
         if known is not None and recording.simulated is not None:
             recording = replace(recording, simulated=known.seen(recording.simulated, recording))
@@ -83,7 +88,11 @@ def diagnose(
             return inside
         told = _told(inside.searched, seed, jobs, tell, inside.streams)
         told = replace(told, scene=inside.scene, scene_values=inside.values)
-    return told if known is None else replace(told, model=known.before(told.model), known=str(known))
+    if known is None:
+        return told
+    return replace(
+        told, model=known.before(told.model), known=str(known), not_testable={**told.not_testable, **taken}
+    )
 
 
 def _told(

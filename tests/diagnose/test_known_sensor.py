@@ -38,6 +38,14 @@ def test_causes_are_searched_in_what_it_does_not_explain(recording, tmp_path):
     paxisim.GCS.around(loaded.model, loaded.intervals).sample(np.random.default_rng(0))
 
 
+@pytest.mark.slow
+def test_what_is_known_is_not_searched_again(recording):
+    other = dataclasses.replace(OPERATOR, poisson=(0.25, 0.08))
+    found = diagnosed(recording, sensor=other)
+    assert found.not_testable["gel_operator"] == "it is taken as known"
+    assert "gel_operator" not in names(found)
+
+
 def test_a_unit_that_differs_from_it_is_named(recording):
     other = dataclasses.replace(OPERATOR, poisson=(0.15, 0.05))
     found = diagnosed(recording, CAUSES, sensor=other)
