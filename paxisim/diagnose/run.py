@@ -90,9 +90,7 @@ def diagnose(
         told = replace(told, scene=inside.scene, scene_values=inside.values)
     if known is None:
         return told
-    return replace(
-        told, model=known.before(told.model), known=str(known), not_testable={**told.not_testable, **taken}
-    )
+    return replace(told, model=known.before(told.model), known=str(known), not_testable={**told.not_testable, **taken})
 
 
 def _told(
