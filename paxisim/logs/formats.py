@@ -79,7 +79,8 @@ def _with_suffix(*suffixes: str) -> Callable[[Path], bool]:
 
 
 def _read_lerobot(path: Path, options: Options) -> RecordingArrays:
-    from paxisim.logs.lerobot_reader import features_in_words, read_lerobot
+    from paxisim.logs.lerobot_pads import features_in_words
+    from paxisim.logs.lerobot_reader import read_lerobot
 
     found = read_lerobot(path, options.pads, options.axes, options.layout)
     if found.measured is None and found.simulated is None:

@@ -20,6 +20,7 @@ from paxisim.logs.recording_arrays import episode_starts
 
 INFO, ABOUT, TASKS = "meta/info.json", "meta/paxisim.json", "meta/tasks.parquet"
 INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+_DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 _CONVERT = "python -m lerobot.datasets.v30.convert_dataset_v21_to_v30 --repo-id NAME --root DIR --push-to-hub false"
 
 
@@ -40,6 +41,11 @@ class Meta:
     frames: int | None
     about: Mapping[str, Any]
     robot: str | None
+
+    @property
+    def numeric(self) -> list[str]:
+        """Names of the features that hold numbers rather than images, videos or texts."""
+        return [name for name, feature in self.features.items() if _DTYPE.fullmatch(str(feature.get("dtype")))]
 
     def names(self, feature: str) -> list[str]:
         """Return the names of a feature's axes or, for a vector, of its components; empty if it has none."""

@@ -22,6 +22,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.lerobot_features import PREFIXES
-from paxisim.logs.lerobot_meta import Meta
+from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
 
 WORDS = ("pads", "xyz", "rows", "cols", "taxels")
 """Names of axes: those of the tensor in its order, and ``taxels`` in place of rows and columns."""
@@ -74,6 +75,13 @@ class Pads:
     tensor: NDArray[np.float32]
     unit: str | None = None
     layout: TaxelLayout | None = None
+
+
+def features_in_words(path: Path) -> str:
+    """Return the numeric features of a dataset as text, for a message about the missing tactile feature."""
+    meta = read_meta(path)
+    listed = [f"{name} {meta.features[name]['shape']}" for name in meta.numeric if name not in INDICES]
+    return ", ".join(listed[:8]) + (" ..." if len(listed) > 8 else "") or "nothing"
 
 
 def tactile_arrays(

@@ -10,7 +10,6 @@ Time counts from the first frame of each episode, unless paxisim wrote the datas
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,6 @@ from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
 from paxisim.logs.lerobot_pads import Pads, is_taxel, pads_of_array, pads_of_components, tactile_arrays
 from paxisim.logs.parquet import column_values, is_numeric, read_table, require_pyarrow
 from paxisim.logs.recording_arrays import RecordingArrays
-
-_DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 
 
 def read_lerobot(
@@ -84,20 +81,12 @@ def read_lerobot(
     )
 
 
-def features_in_words(path: Path) -> str:
-    """Return the numeric features of a dataset as text, for a message about the missing tactile feature."""
-    meta = read_meta(path)
-    listed = [f"{name} {meta.features[name]['shape']}" for name in _numeric(meta) if name not in INDICES]
-    return ", ".join(listed[:8]) + (" ..." if len(listed) > 8 else "") or "nothing"
-
-
 def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
     """Return the columns of all data files, each ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``."""
     files = sorted((meta.path / "data").glob("*/*.parquet"))
     if not files:
         raise InvalidValueError(f"{meta.path} has no frames: expected data/chunk-000/file-000.parquet")
-    names = _numeric(meta)
-    names += [name for name in INDICES if name not in names]
+    names = [*meta.numeric, *(name for name in INDICES if name not in meta.numeric)]
     parts = [_read(meta, file, names) for file in files]
     frames = sum(len(part["timestamp"]) for part in parts)
     if meta.frames is not None and frames != meta.frames:
@@ -105,10 +94,6 @@ def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
             f"{meta.path} is incomplete: meta/info.json states {meta.frames} frames, the data files hold {frames}"
         )
     return {name: np.concatenate([part.pop(name) for part in parts]) for name in names}
-
-
-def _numeric(meta: Meta) -> list[str]:
-    return [name for name, feature in meta.features.items() if _DTYPE.fullmatch(str(feature.get("dtype")))]
 
 
 def _read(meta: Meta, file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
