@@ -260,6 +260,7 @@ class Recording:
         layout: TaxelLayout | None = None,
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
+        axes: Mapping[str, str] | None = None,
         streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
         """Read a file and align its streams to one time axis, that of the measured tensors.
@@ -280,18 +281,24 @@ class Recording:
                 from a program that buffers its output, five times the interval between bursts, with a warning.
             missing: How to treat unknown values: ``"nan"`` marks them, ``"drop"`` removes the samples at which any
                 tensor or covariate has a NaN.
-            layout: Layout of the pads' taxels, instead of that of the file. A CSV from a board contains no layout; by
-                default, its taxels form one row in the order of the file.
+            layout: Layout of the pads' taxels, instead of that of the file. A CSV from a board contains no layout, nor
+                does a LeRobotDataset; by default, taxels without rows and columns form one row in the order of the
+                file.
             pads: Names of the pads to keep, as used in the file and in this order. Default: all.
             profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.load_profile`. It
                 also gives the layout. Default: 0.1 N per count, without changing any axis.
+            axes: Axes of features of a LeRobotDataset, by feature: the words ``rows,cols`` or ``taxels``, with ``xyz``
+                and ``pads`` if the feature has them, in the order of the array, e.g. ``{"observation.touch":
+                "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a feature as pads
+                without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
             streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
                 with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
                 describes how their time is aligned with the recording's.
 
         Raises:
-            InvalidValueError: The file has another format or no tensors; or measured and simulated, or the recording
-                and a file of `streams`, do not overlap in time.
+            InvalidValueError: The file has another format or no tensors; or the axes of a feature cannot be told; or
+                measured and simulated, or the recording and a file of `streams`, do not overlap in time.
+            UnknownNameError: `pads` or `axes` name a pad or a feature that does not exist.
             MissingExtraError: The package that reads this format is not installed.
             FileNotFoundError: There is no such file.
         """
@@ -308,6 +315,7 @@ class Recording:
             layout=layout,
             pads=wanted,
             profile=profile,
+            axes=axes,
             streams=[Path(other) for other in others],
         )
         try:

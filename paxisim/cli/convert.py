@@ -23,6 +23,7 @@ def convert(
     align: Literal["linear", "nearest", "previous"] = "linear",
     missing: Literal["nan", "drop"] = "nan",
     profile: str | None = None,
+    axes: tuple[str, ...] = (),
     pads: tuple[str, ...] = (),
     streams: tuple[Path, ...] = (),
     lerobot: Path | None = None,
@@ -55,13 +56,15 @@ def convert(
             In a LeRobotDataset, a dropped frame ends the episode.
         profile: Profile of the sensor (name or file), needed for a CSV file of a board.
             It holds the order and the signs of the taxels.
+        axes: Axes of features of a LeRobotDataset as FEATURE=AXES, e.g. observation.touch=rows,cols,xyz.
+            Words: rows,cols or taxels, with xyz and pads if the feature has them. Makes pads of any feature.
         pads: Names of the pads to keep; default: all.
         streams: Files with more streams of the same motion, such as joint positions.
             Possible are .mcap (ROS 2 or JSON messages), .csv, .hdf5, and LeRobot's .parquet or folder.
         lerobot: Folder for a LeRobotDataset (v3.0); it must not exist yet.
         task: Task description in the LeRobotDataset; default: the recording's own.
         fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded.
-            An irregular recording is resampled.
+            A recording with another rate, or an irregular one, is resampled.
         state: Covariates that make up observation.state.
             Default: all covariates with one number or one row of numbers per sample, except those in action.
         action: Covariates that make up action; default: action, actions and action.NAME.
@@ -91,6 +94,7 @@ def convert(
         align=align,
         missing="nan" if lerobot else missing,
         profile=known,
+        axes=_axes(axes),
         pads=pads or None,
         streams=streams,
     )
@@ -106,6 +110,18 @@ def convert(
     print(
         textwrap.fill(f"{output or lerobot}: {said}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
     )
+
+
+def _axes(words: tuple[str, ...]) -> dict[str, str]:
+    from paxisim.errors import InvalidValueError
+
+    pairs = {feature: axes for feature, _, axes in (word.rpartition("=") for word in words)}
+    if len(pairs) < len(words) or "" in pairs:
+        raise InvalidValueError(
+            f"--axes must be FEATURE=AXES for different features, e.g. observation.touch=rows,cols,xyz; got "
+            f"{' '.join(words)}"
+        )
+    return pairs
 
 
 def _check_file(output: Path, force: bool, not_for_it: list[str]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ class Options:
     layout: TaxelLayout | None = None
     pads: tuple[str, ...] | None = None
     profile: CountsToForce | None = None
+    axes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class Format:
         read: Reads a recording. A result whose fields are not checked yet may hold more than the requested pads.
         streams: Reads the streams to add to another recording; None if such files have none.
         has_counts: Whether it may hold a board's counts, which a profile converts.
+        has_features: Whether it consists of named arrays, whose axes the caller may state.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Format:
     read: Callable[[Path, Options], RecordingArrays]
     streams: Callable[[Path], Streams] | None
     has_counts: bool = False
+    has_features: bool = False
 
 
 def format_of(path: Path, *, streams: bool = False) -> Format:
@@ -76,14 +79,16 @@ def _with_suffix(*suffixes: str) -> Callable[[Path], bool]:
 
 
 def _read_lerobot(path: Path, options: Options) -> RecordingArrays:
-    from paxisim.logs.lerobot_reader import features_in_words, read_lerobot
+    from paxisim.logs.lerobot_pads import features_in_words
+    from paxisim.logs.lerobot_reader import read_lerobot
 
-    found = read_lerobot(path, options.pads)
+    found = read_lerobot(path, options.pads, options.axes, options.layout)
     if found.measured is None and found.simulated is None:
         raise InvalidValueError(
             f"{path} has no tactile feature{'' if options.pads is None else ' of those pads'}: expected one such as "
-            f"observation.tactile.PAD of shape (3, rows, cols), got {features_in_words(path)}; to add these to a "
-            "recording, use streams (paxisim convert --streams)"
+            f"observation.tactile.PAD of shape (3, rows, cols) or components such as PAD.f0.p00.fx, got "
+            f"{features_in_words(path)}; choose one with axes (paxisim convert --axes FEATURE=rows,cols,xyz), or add "
+            "them to another recording with streams (paxisim convert --streams)"
         )
     return _laid_out(found, options)
 
@@ -211,7 +216,7 @@ def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
 
 
 FORMATS = (
-    Format("LeRobotDataset folder", Path.is_dir, _read_lerobot, _lerobot_streams),
+    Format("LeRobotDataset folder", Path.is_dir, _read_lerobot, _lerobot_streams, has_features=True),
     Format(".sensor.csv (eFlesh)", lambda path: path.name.endswith(".sensor.csv"), _read_eflesh, None),
     Format(".csv", _with_suffix(".csv"), _read_csv, _csv_streams, has_counts=True),
     Format(".npz", _with_suffix(".npz"), _read_npz, None),

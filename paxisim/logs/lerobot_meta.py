@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.files import parse_file, parse_json
 from paxisim.logs.about import read_about
-from paxisim.logs.parquet import column_values, is_text, read_table
+from paxisim.logs.parquet import column_values, component_names, is_text, read_table
 from paxisim.logs.recording_arrays import episode_starts
 
 INFO, ABOUT, TASKS = "meta/info.json", "meta/paxisim.json", "meta/tasks.parquet"
 INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+_DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 _CONVERT = "python -m lerobot.datasets.v30.convert_dataset_v21_to_v30 --repo-id NAME --root DIR --push-to-hub false"
 
 
@@ -40,6 +41,21 @@ class Meta:
     frames: int | None
     about: Mapping[str, Any]
     robot: str | None
+
+    @property
+    def numeric(self) -> list[str]:
+        """Names of the features that hold numbers rather than images, videos or texts."""
+        return [name for name, feature in self.features.items() if _DTYPE.fullmatch(str(feature.get("dtype")))]
+
+    def names(self, feature: str) -> list[str]:
+        """Return the names of a feature's axes or, for a vector, of its components; empty if it has none."""
+        return component_names({feature: self.features[feature]}).get(feature, [])
+
+    def components(self, feature: str, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """Return the columns of a vector ``(T, n)`` by the name of the component; empty without a name for each."""
+        names = self.names(feature)
+        is_named = values.ndim == 2 and len(names) == values.shape[1]
+        return {name: values[:, i] for i, name in enumerate(names)} if is_named else {}
 
     def clock(self, indices: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return the start time (s) and the number of each episode; `indices` are LeRobot's episode numbers, in order.

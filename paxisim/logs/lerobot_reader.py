@@ -1,8 +1,7 @@
 """lerobot_reader: a LeRobotDataset, format v3, as a recording.
 
-A feature of shape ``(3, rows, cols)`` with "tactile" in its name is a pad, and one of shape ``(pads, 3, rows, cols)``
-is several pads. Both hold measured newtons unless the feature's ``info``, as written by
-`paxisim.logs.lerobot_features`, says otherwise. All other numeric features are covariates. A vector with named
+The pads are those of `paxisim.logs.lerobot_pads`. They hold measured newtons unless the feature's ``info``, as written
+by `paxisim.logs.lerobot_features`, says otherwise. All other numeric features are covariates. A vector with named
 components becomes one covariate per component, such as ``action.NAME``. Images, videos and texts are skipped.
 
 Time counts from the first frame of each episode, unless paxisim wrote the dataset: then it is that of the recording.
@@ -11,9 +10,7 @@ Time counts from the first frame of each episode, unless paxisim wrote the datas
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,26 +20,33 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.columns import streams_from_columns
-from paxisim.logs.lerobot_features import MAX_AXES, PREFIXES
+from paxisim.logs.lerobot_features import MAX_AXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
-from paxisim.logs.parquet import column_values, component_names, is_numeric, read_table, require_pyarrow
+from paxisim.logs.lerobot_pads import Pads, is_taxel, pads_of_array, pads_of_components, tactile_arrays
+from paxisim.logs.parquet import column_values, is_numeric, read_table, require_pyarrow
 from paxisim.logs.recording_arrays import RecordingArrays
 
-_DTYPE = re.compile(r"(float|int|uint)\d{1,2}|bool")
 
-
-def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArrays:
+def read_lerobot(
+    path: Path,
+    pads: Sequence[str] | None = None,
+    axes: Mapping[str, str] | None = None,
+    layout: TaxelLayout | None = None,
+) -> RecordingArrays:
     """Read all episodes, with or without a tensor.
 
     Args:
         path: The dataset's folder.
         pads: Names of the requested pads. If tactile features differ in grid, layout or unit, those without a requested
             pad are skipped. Empty: skip all tactile features. None: read all.
+        axes: Axes of tactile arrays by feature, as words with commas; see `paxisim.logs.lerobot_pads`.
+        layout: Layout whose grid taxels without rows and columns are put on. Default: one row.
 
     Raises:
         MissingExtraError, UnsupportedError: pyarrow cannot be used.
-        InvalidValueError: The folder is not a LeRobotDataset of this version, the dataset is damaged or incomplete, or
-            its pads differ in grid, layout or unit.
+        InvalidValueError: The folder is not a LeRobotDataset of this version, the dataset is damaged or incomplete, its
+            pads differ in grid, layout or unit, or the axes of a pad cannot be told.
+        UnknownNameError: `axes` names a feature that does not exist.
     """
     require_pyarrow()
     meta = read_meta(path)
@@ -53,7 +57,11 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArra
     time, episode = begins[at] + columns["timestamp"], numbers[at]
     metadata = meta.metadata(_whole(meta, "task_index", columns["task_index"]), episode)
     features = {name: values for name, values in columns.items() if name not in INDICES}
-    found = [_Pads.of(meta, name, features.pop(name)) for name in list(features) if _is_tactile(meta, name)]
+    written = _take_written(meta, features)
+    arrays = tactile_arrays(meta, list(features), axes or {}, pads)
+    found = [pads_of_array(meta, name, features.pop(name), its, layout) for name, its in arrays.items()]
+    if pads is None or pads:
+        found += pads_of_components(meta, features, layout)
     if pads is not None and (not pads or _difference(found)):
         found = [part for part in found if set(part.pads) & set(pads)]
     if said := _difference(found):
@@ -65,7 +73,7 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArra
         time,
         measured=_tensor(meta, "measured", found, names),
         simulated=_tensor(meta, "simulated", found, names),
-        covariates=_covariates(meta, features, time),
+        covariates={**_covariates(meta, features, time), **written},
         episode=episode,
         layout=found[0].layout if found else None,
         pads=tuple(names),
@@ -73,59 +81,12 @@ def read_lerobot(path: Path, pads: Sequence[str] | None = None) -> RecordingArra
     )
 
 
-def features_in_words(path: Path) -> str:
-    """Return the features of a dataset as text, for a message about the missing tactile feature."""
-    listed = [f"{name} {feature['shape']}" for name, feature in read_meta(path).features.items() if name not in INDICES]
-    return ", ".join(listed[:8]) + (" ..." if len(listed) > 8 else "") or "nothing"
-
-
-@dataclass(frozen=True)
-class _Pads:
-    """Pads of a tactile feature; `tensor` is ``(T, pads, 3, rows, cols)``."""
-
-    feature: str
-    stream: str
-    pads: tuple[str, ...]
-    tensor: NDArray[np.float32]
-    unit: str | None
-    layout: TaxelLayout | None
-
-    @classmethod
-    def of(cls, meta: Meta, feature: str, values: NDArray[Any]) -> _Pads:
-        info = meta.features[feature].get("info")
-        info = info if isinstance(info, dict) else {}
-        layout, unit, stream, pad = (info.get(name) for name in ("layout", "unit", "stream", "pad"))
-        if not isinstance(unit, str | None):
-            raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a string such as N, got {unit!r:.80}")
-        if stream not in tuple(PREFIXES):
-            stream = "simulated" if feature.startswith(f"{PREFIXES['simulated']}.") else "measured"
-        name = "pad" if feature in PREFIXES.values() else feature
-        name = name.removeprefix(f"{PREFIXES[stream]}.").removeprefix("observation.")
-        if values.ndim == 4:
-            values, pads = values[:, None], (pad if isinstance(pad, str) else name,)
-        else:
-            pads = tuple(f"{name}{i}" for i in range(values.shape[1]))
-        try:
-            layout = None if layout is None else _layout(layout, values.shape[-2:])
-        except InvalidValueError as error:
-            raise InvalidValueError(f"{meta.path}: the layout of {feature}: {error}") from error
-        return cls(feature, stream, pads, values.astype(np.float32, copy=False), unit, layout)
-
-
-def _layout(document: Any, grid: tuple[int, ...]) -> TaxelLayout:
-    said = [document.get(name) for name in ("rows", "cols")] if isinstance(document, dict) else list(grid)
-    if said != list(grid):  # checked before memory is allocated for the taxels
-        raise InvalidValueError(f"it has rows and cols {said!r:.40}, the frames have {list(grid)}")
-    return TaxelLayout.from_dict(document)
-
-
 def _columns(meta: Meta) -> dict[str, NDArray[Any]]:
     """Return the columns of all data files, each ``(T, *shape)``, or ``(T,)`` for the shape ``(1,)``."""
     files = sorted((meta.path / "data").glob("*/*.parquet"))
     if not files:
         raise InvalidValueError(f"{meta.path} has no frames: expected data/chunk-000/file-000.parquet")
-    names = [name for name, feature in meta.features.items() if _DTYPE.fullmatch(str(feature.get("dtype")))]
-    names += [name for name in INDICES if name not in names]
+    names = [*meta.numeric, *(name for name in INDICES if name not in meta.numeric)]
     parts = [_read(meta, file, names) for file in files]
     frames = sum(len(part["timestamp"]) for part in parts)
     if meta.frames is not None and frames != meta.frames:
@@ -158,26 +119,25 @@ def _whole(meta: Meta, name: str, values: NDArray[Any]) -> NDArray[np.int64]:
     return values.astype(np.int64)
 
 
-def _is_tactile(meta: Meta, name: str) -> bool:
-    shape = meta.features[name]["shape"]
-    is_named = "tactile" in name.lower() or name.startswith(f"{PREFIXES['simulated']}.")
-    return is_named and len(shape) in (3, 4) and shape[-3] == 3
-
-
-def _difference(found: Sequence[_Pads]) -> str:
+def _difference(found: Sequence[Pads]) -> str:
     """Describe a property that a recording needs to be equal for all pads but that differs; empty if none does."""
     for part in found[1:]:
-        for what, of in (("grids", lambda p: p.tensor.shape[-2:]), ("layouts", lambda p: p.layout), ("units", _unit)):
+        for what, of in (("grids", _grid), ("layouts", lambda p: p.layout), ("units", _unit)):
             if of(part) != of(found[0]):
-                return f"{found[0].feature} and {part.feature} have different {what}"
+                said = f" ({of(found[0])} and {of(part)})" if what == "grids" else ""
+                return f"{found[0].source} and {part.source} have different {what}{said}"
     return ""
 
 
-def _unit(part: _Pads) -> str:
+def _grid(part: Pads) -> str:
+    return "{}x{}".format(*part.tensor.shape[-2:])
+
+
+def _unit(part: Pads) -> str:
     return part.unit or "N"
 
 
-def _tensor(meta: Meta, stream: str, found: Sequence[_Pads], names: Sequence[str]) -> NDArray[np.float32] | None:
+def _tensor(meta: Meta, stream: str, found: Sequence[Pads], names: Sequence[str]) -> NDArray[np.float32] | None:
     parts = [part for part in found if part.stream == stream]
     if not parts:
         return None
@@ -188,25 +148,31 @@ def _tensor(meta: Meta, stream: str, found: Sequence[_Pads], names: Sequence[str
     return tensor if pads == list(names) else tensor[:, [pads.index(name) for name in names]]
 
 
+def _take_written(meta: Meta, features: dict[str, NDArray[Any]]) -> dict[str, NDArray[np.float64]]:
+    """Remove the features in which paxisim stored covariates, and return these."""
+    written: dict[str, NDArray[np.float64]] = {}
+    for feature in list(features):
+        parts = _parts(meta.features[feature], features[feature])
+        if parts.keys() & written.keys():
+            raise InvalidValueError(
+                f"{meta.path}: two features hold the covariate {min(parts.keys() & written.keys())!r}"
+            )
+        written |= parts
+        if parts:
+            del features[feature]
+    return written
+
+
 def _covariates(
     meta: Meta, features: Mapping[str, NDArray[Any]], time: NDArray[np.float64]
 ) -> dict[str, NDArray[np.float64]]:
-    names = component_names(meta.features)
-    written: dict[str, NDArray[np.float64]] = {}
     columns: dict[str, NDArray[Any]] = {}
     for feature, values in features.items():
-        parts = _parts(meta.features[feature], values)
-        if parts:
-            twice = parts.keys() & written.keys()
-            if twice:
-                raise InvalidValueError(f"{meta.path}: two features hold the covariate {min(twice)!r}")
-            written |= parts
-        elif values.ndim == 2 and len(names.get(feature, ())) == values.shape[1]:
-            columns |= {f"{feature}.{part}": values[:, i] for i, part in enumerate(names[feature])}
-        else:
-            columns[feature] = values
+        parts = meta.components(feature, values)
+        named = {f"{feature}.{part}": column for part, column in parts.items() if not is_taxel(meta, feature, part)}
+        columns |= named if parts else {feature: values}
     try:
-        return {**streams_from_columns({"timestamp": time, **columns}).covariates, **written}
+        return dict(streams_from_columns({"timestamp": time, **columns}).covariates)
     except InvalidValueError as error:
         raise InvalidValueError(f"{meta.path}: {error}") from error
 

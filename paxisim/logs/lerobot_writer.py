@@ -52,6 +52,7 @@ from paxisim.logs.retime import at_rate
 from paxisim.logs.select import known_samples, take
 
 VERSION = "v3.0"
+_UNEVEN = 0.5  # an interval that differs from the median by more than this part of it is not jitter
 
 
 def write_lerobot(
@@ -113,9 +114,7 @@ def write_lerobot(
         _write_json(folder / INFO, _info(features, spans, tasks, fps, frames.metadata.get("robot_type")))
         _write_json(folder / "meta/stats.json", stats)
         _write_json(folder / ABOUT, about)
-    rate = rate_of(recording.time, recording.episode)
-    why = "because its samples are irregular" if f"{rate:.0f}" == str(fps) else f"from {rate:.4g} Hz"
-    how = f", resampled {why}" if is_resampled else ""
+    how = f", resampled {_reason(recording, fps)}" if is_resampled else ""
     names = " ".join(feature.name for feature in features if feature.name not in INDICES)
     counts = f"{len(spans)} episode{'s' * (len(spans) != 1)}, {len(frames.time)} frames at {fps} Hz{how}"
     return f"LeRobotDataset {VERSION}, {counts}, {names}"
@@ -166,6 +165,19 @@ def on_frames(
         time[span] = time[span.start] + np.arange(span.stop - span.start) / fps
     found = replace(found, time=time)
     return (_without_unknown(found) if drop else found), not is_regular
+
+
+def _reason(recording: RecordingArrays, fps: int) -> str:
+    """Return why a recording was resampled to `fps`."""
+    assert recording.episode is not None
+    rate = rate_of(recording.time, recording.episode)
+    said = f"{rate:.6g}"
+    if np.isfinite(rate) and round(rate) != fps:
+        return f"from {said} Hz"
+    intervals = np.diff(recording.time)[np.diff(recording.episode) == 0]
+    if np.isnan(rate) or said == str(fps) or np.any(np.abs(intervals * rate - 1) > _UNEVEN):
+        return "because its samples are irregular"
+    return f"from {said} Hz because LeRobot needs a whole number of frames per second"
 
 
 def _is_regular(time: NDArray[np.float64], fps: int) -> bool:

@@ -22,6 +22,7 @@ def load_arrays(
     layout: TaxelLayout | None = None,
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
+    axes: Mapping[str, str] | None = None,
     streams: Iterable[Path] = (),
 ) -> RecordingArrays:
     """Load a recording; see `paxisim.Recording.load`.
@@ -38,7 +39,13 @@ def load_arrays(
     own = format_of(path)
     if profile is not None and not own.has_counts:
         raise InvalidValueError(f"profile is for the counts of a board's CSV file; {path} has no counts")
-    options = Options(_part(align, lambda name: name not in elsewhere), max_gap, layout, pads, profile)
+    if not isinstance(axes, Mapping | None):
+        raise InvalidValueError(
+            f"axes must be words by feature, e.g. {{'observation.touch': 'taxels,xyz'}}, got {axes!r}"
+        )
+    if axes and not own.has_features:
+        raise InvalidValueError(f"axes is for the features of a LeRobotDataset; {path} has no features")
+    options = Options(_part(align, lambda name: name not in elsewhere), max_gap, layout, pads, profile, axes or {})
     found = own.read(path, options)
     if added:
         found = _checked(path, found)

@@ -160,10 +160,21 @@ def test_which_covariates_are_the_state_and_the_action(tmp_path):
     assert not (tmp_path / "d").exists()
 
 
-def test_an_irregular_recording_is_resampled(tmp_path):
+def test_a_recording_that_does_not_fit_the_frames_is_resampled(tmp_path):
     late = press(rate=10.4)  # 3 s long; at 10 Hz its last sample would be one frame too late
+    whole = "because LeRobot needs a whole number of frames per second,"
     said = write(tmp_path / "a", late)
-    assert "at 10 Hz, resampled because its samples are irregular" in said
+    assert f"at 10 Hz, resampled from 10.4 Hz {whole}" in said
+    assert f"at 62 Hz, resampled from 62.5 Hz {whole}" in write(tmp_path / "sixty", press((70, 20), rate=62.5))
+    for rate in (50, 62.5):
+        gap = press(rate=rate)
+        gap = dataclasses.replace(gap, time=gap.time + 0.03 * (np.arange(50) == 29))
+        said = write(tmp_path / f"gap at {rate}", gap)
+        assert f"at {rate:.0f} Hz, resampled because its samples are irregular," in said
+    slower = press(time=np.cumsum(np.where(np.arange(50) % 4, 0.02, 0.025)), episode=None)
+    assert "at 50 Hz, resampled because its samples are irregular," in write(tmp_path / "slower", slower)
+    doubled = press((2,), time=[0.0, 0.0])
+    assert "1 frames at 30 Hz, resampled because" in write(tmp_path / "doubled", doubled, fps=30)
     expected = late.resample(10)
     np.testing.assert_array_equal(Recording.load(tmp_path / "a").measured, expected.measured)
     assert "at 4 Hz, resampled from 10.4 Hz" in write(tmp_path / "b", late, fps=4, align="nearest")
