@@ -288,6 +288,8 @@ class _Search:
         depth = {k: len(links.ancestors(k)) for k in links.parent}
         inside = links.below(self.under)
         for palm in sorted((k for k in links.parent if k in inside), key=lambda k: (-depth[k], k)):
+            if palm == 0 and self.taken and not self.wanted and not self.close:
+                return  # beside a robot with hands, what stands in the world is furniture: lifts, drawers, doors
             branches = self._branches(palm)
             tries = [(branches, False)] if len(branches) > 1 else []
             tries += [([b], True) for b in branches if palm in links.geoms and self._is_jaw(palm, b)]
@@ -321,7 +323,15 @@ class _Search:
     def _is_jaw(self, palm: int, branch: int) -> bool:
         if self.wanted:
             return palm in self.wanted
-        return closes_on(self.links, palm, branch)
+        if not closes_on(self.links, palm, branch):
+            return False
+        if palm == 0:
+            name = self.links.name(branch)
+            self.rejected.append(
+                f"{name} closes on the world, as a jaw or as a lift over a table: if it is a jaw, name both "
+                f"(--fingers world {name})"
+            )
+        return palm != 0
 
     def _refusal(self) -> str:
         reasons = list(dict.fromkeys(self.rejected))
