@@ -119,8 +119,10 @@ def test_names_that_only_one_file_has_stay():
     assert {model.actuator(i).name for i in range(model.nu)} == {"j0", "j1", "j2", "j3", "left", "right"}
     # two hands on one arm: the second and the third get different prefixes
     twice = compose_scene(scene.spec, HAND, at="link1")
-    thrice = compose_scene(twice.spec, HAND, at="link2", table=(0.5, 0, 0))
+    thrice = compose_scene(twice.spec, HAND, at="link1", table=(0.5, 0, 0))
     assert (twice.prefix, thrice.prefix) == ("hand_", "hand2_")
+    # also of two hands on one link
+    assert [m.body for m in find_mounts(thrice.spec, under="hand2_palm").mounts] == ["hand2_left", "hand2_right"]
     assert read(thrice).nu == 4 + 3 * 2
 
 
