@@ -67,10 +67,13 @@ def compose_scene(
 ) -> ComposedScene:
     """Compose a scene of an arm, a hand on it, a table and objects.
 
-    All names stay as they are in the files. If the arm and the hand share one, all names of the hand get a prefix. The
-    hand keeps its mass, materials and defaults; of its options, the smaller time step, the elliptic cone and the larger
-    `impratio` of the two files hold. A floor and lights of its file are left out. Each keyframe of the arm gets the
-    hand's rest pose, or if the arm has none, each of the hand's the arm's; objects are where they start.
+    The hand is on a new body of the arm, ``hand_mount``. It keeps its masses, materials and defaults; a floor and lights
+    of its file are left out. All names stay as they are in the files, but if the arm and the hand share one, all names
+    of the hand get a prefix. The options are the arm's, except where the hand has a smaller time step, an integrator
+    that is not Euler's, the elliptic cone or a larger ``impratio``.
+
+    Each keyframe of the arm stays, with the hand at rest; if the arm has none, each of the hand's stays, with the arm at
+    rest. Objects are where they start.
 
     Args:
         arm: A spec (left unchanged), the path of an MJCF or URDF file, or MJCF text. It may have a hand already.
@@ -88,6 +91,10 @@ def compose_scene(
             parsed or placed, or it would be inside something.
         UnknownNameError: The arm has no such body or site.
     """
+    if not isinstance(at, str):
+        raise InvalidValueError(f"at must be the name of a body or site, got {at!r:.80}")
+    if isinstance(objects, str) or not isinstance(objects, Sequence):
+        raise InvalidValueError(f"objects must be a list of texts, got {objects!r:.80}")
     wanted = [parse_object(text) for text in objects]
     top = None if table is None else check_point(table, f"{table!r:.80}")
     centres = place_on_table(wanted, top)
@@ -106,18 +113,21 @@ def compose_scene(
         lines.append(f"{added[-1]} ({one.text.partition('@')[0]}): its centre at {_point(centre)} m")
     start = compile_whole(spec, "the scene").qpos0
     for name, pose in poses.items():
-        spec.add_key(name=name, qpos=[*pose.qpos, *start[len(pose.qpos) :]], ctrl=pose.ctrl, act=pose.act)
+        qpos = [*pose.qpos, *start[len(pose.qpos) :]]
+        spec.add_key(name=name, qpos=qpos, ctrl=pose.ctrl, act=pose.act, mpos=pose.mpos, mquat=pose.mquat)
     _check_start(compile_whole(spec, "the scene"), added)
     return ComposedScene(spec, prefix, "\n".join(lines))
 
 
 @dataclass(frozen=True, eq=False)
 class _Pose:
-    """Positions, controls and activations."""
+    """Positions, controls, activations, and the places of mocap bodies."""
 
     qpos: NDArray[np.float64]
     ctrl: NDArray[np.float64]
     act: NDArray[np.float64]
+    mpos: NDArray[np.float64]
+    mquat: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +149,14 @@ class _Part:
     @property
     def rest(self) -> _Pose:
         data = at_rest(self.model)
-        return _Pose(data.qpos, data.ctrl, data.act)
+        return _Pose(data.qpos, data.ctrl, data.act, data.mocap_pos.reshape(-1), data.mocap_quat.reshape(-1))
 
     @property
     def poses(self) -> dict[str, _Pose]:
         """The pose of each keyframe."""
-        model = self.model
+        model, fields = self.model, ("qpos", "ctrl", "act", "mpos", "mquat")
         return {
-            model.key(k).name or f"key{k}": _Pose(model.key_qpos[k], model.key_ctrl[k], model.key_act[k])
+            model.key(k).name or f"key{k}": _Pose(*(getattr(model, f"key_{field}")[k] for field in fields))
             for k in range(model.nkey)
         }
 
@@ -201,6 +211,8 @@ def _robot(
     if arm is None and hand is None:
         raise InvalidValueError("there is nothing that could touch an object: expected an arm, a hand, or both")
     parts = [_load(source, what) for source, what in ((arm, "arm"), (hand, "hand")) if source is not None]
+    if not parts[-1].model.ngeom:
+        raise InvalidValueError(f"{parts[-1].title} has no geoms, so it could not touch an object")
     if len(parts) == 1:
         return parts[0].spec(), parts[0].poses, "", [f"robot: {parts[0].title}"]
     one, two = parts
@@ -209,7 +221,7 @@ def _robot(
     prefix, shared = _prefix(one, two)
     taken = {name for _, name in one.names | two.names}
     mount, main = _free_name("hand_mount", taken), _free_name("hand_main", taken)
-    attached = _attach(spec, two, spec.body(body).add_body(name=mount, pos=pos, quat=quat), prefix, main)
+    attached = _attach(spec, two, body.add_body(name=mount, pos=pos, quat=quat), prefix, main)
     lines = [f"robot: {one.title} with {two.title} on {at}"]
     if shared:
         more = f" and {len(shared) - _SHOWN} more" if len(shared) > _SHOWN else ""
@@ -225,22 +237,25 @@ def _robot(
     def together(first: _Pose, second: _Pose) -> _Pose:
         qpos = np.zeros(model.nq)
         qpos[~of_hand], qpos[of_hand] = first.qpos, second.qpos
-        return _Pose(qpos, np.append(first.ctrl, second.ctrl), np.append(first.act, second.act))
+        ctrl, act = np.append(first.ctrl, second.ctrl), np.append(first.act, second.act)
+        return replace(first, qpos=qpos, ctrl=ctrl, act=act)  # a hand on an arm has no mocap bodies
 
     poses = {name: together(pose, two.rest) for name, pose in one.poses.items()}
     poses = poses or {name: together(one.rest, pose) for name, pose in two.poses.items()}
     return spec, poses, prefix, lines
 
 
-def _flange(spec: mujoco.MjSpec, arm: _Part, at: str) -> tuple[str, NDArray[np.float64], NDArray[np.float64]]:
+def _flange(
+    spec: mujoco.MjSpec, arm: _Part, at: str
+) -> tuple[mujoco.MjsBody, NDArray[np.float64], NDArray[np.float64]]:
     """Return the body of an arm that carries the hand, and the hand's position and orientation on it.
 
     Raises:
         InvalidValueError: No place is named, or it is a body and a site.
         UnknownNameError: There is no such body or site.
     """
-    bodies = [body.name for body in spec.bodies[1:] if body.name]
-    sites = {site.name: site.parent.name for site in spec.sites if site.name and site.parent.name in bodies}
+    bodies = {body.name: body for body in spec.bodies[1:] if body.name}
+    sites = {site.name: site.parent for site in spec.sites if site.name}
     if not at:
         raise InvalidValueError(
             f"expected at (--at), the body or site of {arm.title} that carries the hand, one of: "
@@ -254,7 +269,7 @@ def _flange(spec: mujoco.MjSpec, arm: _Part, at: str) -> tuple[str, NDArray[np.f
         raise InvalidValueError(f"{arm.title} has a body and a site {at!r}: name one, {' or '.join(chosen)}")
     kind, _, name = chosen[0].partition(":")
     if kind == "body":
-        return name, np.zeros(3), np.array([1.0, 0, 0, 0])
+        return bodies[name], np.zeros(3), np.array([1.0, 0, 0, 0])
     site = arm.model.site(name)
     return sites[name], site.pos, site.quat
 

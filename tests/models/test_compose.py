@@ -129,7 +129,8 @@ def test_names_that_only_one_file_has_stay():
 def test_keyframes_hold_each_part_at_rest_wherever_its_joints_are():
     """The hand is in the middle of the arm's tree, so its joints are between the arm's."""
     last = '<body name="last"><joint name="last" type="slide"/><geom size="0.01" pos="0 0 1"/></body>'
-    arm = part("arm", "", "", last)
+    arm = part("arm", "", "", last).replace("<worldbody>", '<worldbody><body name="mocap" mocap="true"/>')
+    arm = arm.replace('ctrl="0.3"', 'ctrl="0.3" mpos="1 2 3"')
     for keys, expected in (((1, 1), ["home"]), ((0, 1), ["home"]), ((1, 0), ["home"]), ((0, 0), [])):
         texts = [arm, part("claw", "", "")]
         for i in (0, 1):
@@ -143,6 +144,7 @@ def test_keyframes_hold_each_part_at_rest_wherever_its_joints_are():
             assert (at["arm_tip"], at["last"]) == pytest.approx((0.1 * keys[0], 0.2 * keys[0]))
             assert at["hand_claw"] == pytest.approx(0.4 * keys[1])
             np.testing.assert_allclose(model.key_qpos[k, -7:], (0.5, 0.6, 0.7, 1, 0, 0, 0))
+            np.testing.assert_allclose(model.key_mpos[k], np.array([1, 2, 3]) * keys[0])
             np.testing.assert_allclose(model.key_ctrl[k], (0.3 * keys[0], 0.4 * keys[1]))
 
 
@@ -252,6 +254,13 @@ BOXES = ["box:300x300x10mm:1kg"] * 2
     ("arguments", "error", "message"),
     [
         ({"table": TABLE}, InvalidValueError, "nothing that could touch an object: expected an arm, a hand, or both"),
+        ({"arm": ARM, "hand": "<mujoco/>", "at": "tool"}, InvalidValueError, "the hand has no geoms"),
+        ({"arm": ARM, "hand": HAND, "at": 3}, InvalidValueError, "at must be the name of a body or site, got 3"),
+        (
+            {"arm": ARM, "objects": "ball:3mm:1kg"},
+            InvalidValueError,
+            "objects must be a list of texts, got 'ball:3mm:1kg'",
+        ),
         ({"hand": HAND, "at": "tool"}, InvalidValueError, "expected an arm and a hand with it"),
         (
             {"arm": ARM, "hand": HAND},
