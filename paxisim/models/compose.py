@@ -67,13 +67,13 @@ def compose_scene(
 ) -> ComposedScene:
     """Compose a scene of an arm, a hand on it, a table and objects.
 
-    The hand is on a new body of the arm, ``hand_mount``. It keeps its masses, materials and defaults; a floor and lights
-    of its file are left out. All names stay as they are in the files, but if the arm and the hand share one, all names
-    of the hand get a prefix. The options are the arm's, except where the hand has a smaller time step, an integrator
-    that is not Euler's, the elliptic cone or a larger ``impratio``.
+    The hand is on a new body of the arm, ``hand_mount``. It keeps its masses, materials and defaults; a floor and
+    lights of its file are left out. All names stay as they are in the files, but if the arm and the hand share one, all
+    names of the hand get a prefix. The options are the arm's, except where the hand has a smaller time step, an
+    integrator that is not Euler's, the elliptic cone or a larger ``impratio``.
 
-    Each keyframe of the arm stays, with the hand at rest; if the arm has none, each of the hand's stays, with the arm at
-    rest. Objects are where they start.
+    Each keyframe of the arm stays, with the hand at rest; if the arm has none, each of the hand's stays, with the arm
+    at rest. Objects are where they start.
 
     Args:
         arm: A spec (left unchanged), the path of an MJCF or URDF file, or MJCF text. It may have a hand already.
