@@ -38,6 +38,8 @@ from .layer.layer import Layer as Layer
 from .layout import TaxelLayout as TaxelLayout
 from .models.attach import TactileGripper as TactileGripper
 from .models.attach import attach as attach
+from .models.compose import ComposedScene as ComposedScene
+from .models.compose import compose_scene as compose_scene
 from .models.find_mounts import FoundMounts as FoundMounts
 from .models.find_mounts import find_mounts as find_mounts
 from .models.finger_surface import finger_surface as finger_surface

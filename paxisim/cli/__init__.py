@@ -30,7 +30,7 @@ from paxisim.cli.pad import pad
 from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
-from paxisim.cli.scene import scene_init, scene_make
+from paxisim.cli.scene import scene_compose, scene_init, scene_make
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError
@@ -54,7 +54,10 @@ VERBS = {
 }
 # verbs that are followed by another
 GROUPS = {
-    "scene": ({"init": scene_init, "make": scene_make}, "Write the scene of a recording, or a ready-made one."),
+    "scene": (
+        {"compose": scene_compose, "init": scene_init, "make": scene_make},
+        "Write the scene of a robot, of a recording, or a ready-made one.",
+    ),
     "device": (
         {"check": device_check, "quality": device_quality, "profiles": device_profiles},
         "Check a real sensor, measure its quality, list profiles.",

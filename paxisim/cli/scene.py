@@ -1,4 +1,4 @@
-"""The ``paxisim scene init`` and ``paxisim scene make`` commands."""
+"""The commands ``paxisim scene compose``, ``paxisim scene init`` and ``paxisim scene make``."""
 
 from __future__ import annotations
 
@@ -98,3 +98,46 @@ def scene_make(
     scene.save(output)
     streams = ", ".join(dict.fromkeys(drive.stream for drive in scene.drives))
     print(f"{output} and {output.with_suffix('.xml')}: moved by {streams} (m)")
+
+
+def scene_compose(
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    arm: Path | None = None,
+    at: str = "",
+    hand: Path | None = None,
+    table: str | None = None,
+    object: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    force: bool = False,
+) -> None:
+    """Compose the model of a scene from the files of an arm and a hand, with a table and objects.
+
+    All names stay as they are in the files. If the arm and the hand share one, all names of the hand get a prefix, and
+    the command says so. Put pads on the result with `paxisim attach`, or give a hand that has them.
+
+    For example:
+
+    paxisim scene compose --arm arm.xml --at flange --hand hand.xml --table 0.4,0,0 --object box:9x9x9mm:1kg -o a.xml
+
+    paxisim scene compose --hand hand.xml --table 0,0,-0.3 --object ball:40mm:0.1kg@0,0,-0.15 -o scene.xml
+
+    Args:
+        arm: MJCF or URDF file of the arm, which may have a hand already.
+        at: Body or site of the arm that carries the hand.
+        hand: MJCF or URDF file of the hand or gripper; without an arm it is where its file puts it.
+        table: Middle of the table's top, X,Y,Z in m. The table is 0.6 m x 0.6 m.
+        object: An object that is free to move, once per object: box:AxBxCmm:MASSkg, cylinder:DIAMETERxHEIGHTmm:MASSkg
+            or ball:DIAMETERmm:MASSkg. Objects stand in a row on the table; @X,Y,Z behind one is its centre in m.
+        output: Output MJCF file, .xml.
+        force: Overwrite the output if it exists.
+    """
+    import paxisim
+    from paxisim.models.tabletop import parse_point
+
+    check_output(output, force, ".xml")
+    top = None if table is None else parse_point(table, table)
+    scene = paxisim.compose_scene(arm, hand, at=at, table=top, objects=object)
+    write_output(output, scene.to_xml(output.absolute().parent), force)
+    for line in scene.report.splitlines():
+        print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
+    print(f"{output} is written; next: paxisim attach {output} --help")

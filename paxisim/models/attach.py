@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,15 +10,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from lxml import etree
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
-from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.grip import Grip
-from paxisim.models.load import compile_spec, compile_whole, load_spec, one_line
-from paxisim.models.mjcf import numbers
+from paxisim.models.load import compile_spec, compile_whole, load_spec
+from paxisim.models.mjcf import format_mjcf
 from paxisim.models.mount import Mount, replaced_in_spec
 from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
@@ -101,27 +98,7 @@ class TactileGripper:
         Raises:
             InvalidValueError: MuJoCo cannot compile the gripper.
         """
-        spec = self.spec.copy()
-        source = Path(spec.modelfiledir or ".").resolve()
-        directories = {name: source / getattr(spec, name) for name in ("meshdir", "texturedir")}
-        for name, directory in directories.items():
-            setattr(spec, name, str(directory))
-        try:
-            model = spec.compile()
-        except ValueError as error:
-            raise InvalidValueError(f"MuJoCo cannot compile the gripper with pads: {one_line(error)}") from error
-        root = etree.fromstring(spec.to_xml())
-        _write_inertia(root, model)
-        has_files = spec.meshes or spec.textures or spec.hfields or spec.skins
-        for compiler in root.iter("compiler"):
-            for name, directory in directories.items():
-                compiler.attrib.pop(name, "")
-                if has_files:
-                    relative = folder is not None
-                    compiler.set(
-                        name, os.path.relpath(directory, Path(folder).resolve()) if relative else str(directory)
-                    )
-        return etree.tostring(root, pretty_print=True, encoding="unicode")
+        return format_mjcf(self.spec, "the gripper with pads", folder)
 
 
 def attach(
@@ -324,22 +301,6 @@ def _warn_of_touch(spec: mujoco.MjSpec, bodies: set[str]) -> None:
                 "read the pad with paxisim.TactileReadout",
                 stacklevel=3,
             )
-
-
-def _write_inertia(root: etree._Element, model: mujoco.MjModel) -> None:
-    """Write the inertia of each pad; MuJoCo before 4.0 omits it if the gripper has inertiafromgeom="true"."""
-    for body in root.iter("body"):
-        name = body.get("name", "")
-        is_pad = any(site.get("name") == names.gel(name) for site in body.findall("site"))
-        if is_pad and body.find("inertial") is None:
-            compiled = model.body(name)
-            values = {
-                "pos": compiled.ipos,
-                "quat": compiled.iquat,
-                "mass": compiled.mass,
-                "diaginertia": compiled.inertia,
-            }
-            body.insert(0, etree.Element("inertial", {key: numbers(value) for key, value in values.items()}))
 
 
 def _inherit_exclusions(spec: mujoco.MjSpec, bodies_of_pads: dict[str, str]) -> None:

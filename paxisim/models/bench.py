@@ -37,6 +37,7 @@ _CONSTANT = 0.02  # largest change of a constant force, as a share of it; hard c
 _LOST = 0.1  # share of its largest force that an object which slipped still carries, at most
 _SLIPPED = "it slipped out of the grip; these are the largest forces"
 _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS) | int(mujoco.mjtState.mjSTATE_CTRL)
+_ANY = 2**31 - 1  # contact bits that meet all others; which geoms an object touches is chosen later
 _QUIET = 1e-3  # speed of a robot at rest, as a share of its largest
 
 
@@ -291,6 +292,7 @@ def _add_objects(spec: mujoco.MjSpec, placed: Sequence[Placed]) -> None:
     # the model's defaults apply to whatever is not given here
     bare = {"limited": 0, "frictionloss": 0, "ref": 0, "springref": 0, "margin": 0}
     surface = {"mass": 0, "friction": [1, 0.005, 1e-4], "condim": 3, "priority": 0, "solmix": 1, "margin": 0, "gap": 0}
+    surface |= {"contype": _ANY, "conaffinity": _ANY}
     body = spec.worldbody.add_body(name=_NAME, mass=_MASS, inertia=[_INERTIA] * 3, explicitinertial=True)
     for axis in np.eye(3):
         body.add_joint(type=kinds.mjJNT_SLIDE, axis=axis, **bare)

@@ -23,7 +23,7 @@ from paxisim.models.found_faces import FoundFace, describe, found_face
 from paxisim.models.grip import Grip
 from paxisim.models.grippers import mounts_for_file
 from paxisim.models.hands import Hand, closes_on, fingers_on
-from paxisim.models.links import Links
+from paxisim.models.links import Links, bodies_above
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount, replaced_in_spec
 from paxisim.models.pad_faces import PadFace, Rejected, pad_faces
@@ -236,18 +236,18 @@ class _Search:
 
     def __init__(self, links: Links, fingers: Sequence[str] = (), close: Sequence[int] = (), under: str = "") -> None:
         self.links, self.model = links, links.model
-        self.wanted = {self._link(name) for name in fingers}
+        self.wanted = {int(links.of_body[self._body(name)]) for name in fingers}
         self.close = list(close)
-        self.under = self._link(under) if under else 0
+        self.under = self._body(under) if under else 0
         self.taken: set[int] = set()
         self.rejected: list[str] = []
         self.warnings: list[str] = []
 
-    def _link(self, name: str) -> int:
+    def _body(self, name: str) -> int:
         body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
         if body < 0:
             raise UnknownNameError("body", name, [n for i in range(self.model.nbody) if (n := self.model.body(i).name)])
-        return int(self.links.of_body[body])
+        return body
 
     def result(self) -> FoundMounts:
         hands: list[tuple[Hand, list[PadFace]]] = []
@@ -286,9 +286,11 @@ class _Search:
         """Yield the hands that may get pads, the most distal first; `take` one to leave its links out of the rest."""
         links = self.links
         depth = {k: len(links.ancestors(k)) for k in links.parent}
-        inside = links.below(self.under)
+        inside = links.below(int(links.of_body[self.under]))
         for palm in sorted((k for k in links.parent if k in inside), key=lambda k: (-depth[k], k)):
-            branches = self._branches(palm)
+            if palm == 0 and self.taken and not self.wanted and not self.close:
+                return  # beside a robot with hands, what stands in the world is furniture: lifts, drawers, doors
+            branches = [b for b in self._branches(palm) if self.under in (0, b, *bodies_above(self.model, b))]
             tries = [(branches, False)] if len(branches) > 1 else []
             tries += [([b], True) for b in branches if palm in links.geoms and self._is_jaw(palm, b)]
             for some, jaw in tries:
@@ -321,7 +323,15 @@ class _Search:
     def _is_jaw(self, palm: int, branch: int) -> bool:
         if self.wanted:
             return palm in self.wanted
-        return closes_on(self.links, palm, branch)
+        if not closes_on(self.links, palm, branch):
+            return False
+        if palm == 0:
+            name = self.links.name(branch)
+            self.rejected.append(
+                f"{name} closes on the world, as a jaw or as a lift over a table: if it is a jaw, name both "
+                f"(--fingers world {name})"
+            )
+        return palm != 0
 
     def _refusal(self) -> str:
         reasons = list(dict.fromkeys(self.rejected))

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.models.links import bodies_above
+from paxisim.models.links import common_body
 
 _ANGLE, _LENGTH = 0.01, 1e-4  # rad, m: smallest travel of a joint that closes
 
@@ -50,8 +50,7 @@ def end_effector(model: mujoco.MjModel, grip: Grip) -> NDArray[np.bool_]:
     travel = np.ptp(grip.qpos, axis=0)
     least = np.where(model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE), _LENGTH, _ANGLE)
     moved = [j for j in range(model.njnt) if np.any(travel[ends[j] : ends[j + 1]] > least[j])]
-    chains = [[*bodies_above(model, int(model.jnt_bodyid[j])), 0] for j in moved]
-    palm = next(body for body in chains[0] if all(body in chain for chain in chains)) if chains else 0
+    palm = common_body(model, (int(model.jnt_bodyid[j]) for j in moved))
     hanging = below(model, palm)
     hanging[palm] = False
     return hanging

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 
 from paxisim.models.closing import Drive, Stroke
 from paxisim.models.flexion import Closing, closing_of
-from paxisim.models.links import Links
+from paxisim.models.links import Links, common_body
 from paxisim.models.surfaces import unit
 
 MAX_FINGER_ACTUATORS = 5
@@ -77,6 +77,8 @@ class Hand:
         """
         self.links, self.palm, self.is_jaw = links, palm, jaw
         self.members = {b: links.below(b) for b in branches}
+        # on an arm, the origin of the palm's link may be an arm's length away
+        self._root = common_body(links.model, branches)
         everything = set().union(*self.members.values())
         self.drive = Drive(links, links.dofs(everything), close)
         leaves = [k for k in sorted(everything & set(links.geoms)) if not self._carries(k)]
@@ -115,10 +117,10 @@ class Hand:
         return [t for t in tips if not any(inside(t, other) for other in tips if other != t)]
 
     def _reach(self, link: int) -> float:
-        """Return the largest distance of a link from the palm, when open."""
+        """Return the largest distance of a link from the body that carries the fingers, when open."""
         return float(
             np.linalg.norm(
-                self.stroke.world(link, 0, self.links.cloud(link)) - self.stroke.pos[0, self.palm], axis=1
+                self.stroke.world(link, 0, self.links.cloud(link)) - self.stroke.pos[0, self._root], axis=1
             ).max()
         )
 
@@ -189,14 +191,14 @@ class Hand:
         return direct or list(self.links.linkage.values()).count(self.links.linkage[link]) > 1
 
     def base(self, link: int) -> NDArray[np.float64]:
-        """Return the base of a finger in the link's frame: its hinge, or else the origin of the palm."""
+        """Return the base of a finger in the link's frame: its hinge, or else the origin of its palm."""
         if link == self.palm:  # a jaw's partner reaches from the jaw's hinge
             hinge = self.links.hinge(self.tips[0])
             if hinge is None:
                 return np.zeros(3)
             return self.stroke.local(link, 0, self.stroke.world(self.tips[0], 0, hinge[0]))
         hinge = self.links.hinge(link)
-        return self.links.local(link, self.links.data.xpos[self.palm]) if hinge is None else hinge[0]
+        return self.links.local(link, self.links.data.xpos[self._root]) if hinge is None else hinge[0]
 
     def across_hinge(self, link: int, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return `direction` without its component along the link's hinge, since a finger flexes across its hinge.

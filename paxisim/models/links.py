@@ -39,7 +39,7 @@ class Links:
             named: Names of bodies that belong to the robot, even if no actuator moves anything in their trees.
         """
         self.model = model
-        self.data = _at_rest(model)
+        self.data = at_rest(model)
         weld, root = np.array(model.body_weldid), np.array(model.body_rootid)
         self.of_body = np.where(weld > 0, weld, root).astype(np.int64)
         self.drives = np.abs(moments(model, self.data)) > 1e-9
@@ -170,7 +170,8 @@ class Links:
         return ", ".join(self.name(link) for link in links)
 
 
-def _at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+def at_rest(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return a model's rest pose: its keyframe ``home``, else its first keyframe, else ``qpos0``."""
     data = mujoco.MjData(model)
     if model.nkey:
         names = [model.key(k).name for k in range(model.nkey)]
@@ -195,3 +196,9 @@ def bodies_above(model: mujoco.MjModel, body: int) -> list[int]:
     while body := int(model.body_parentid[body]):
         found.append(body)
     return found
+
+
+def common_body(model: mujoco.MjModel, bodies: Iterable[int]) -> int:
+    """Return the lowest body that carries all of some bodies; the world (0) if there are none."""
+    chains = [[*bodies_above(model, body), 0] for body in bodies]
+    return next(body for body in chains[0] if all(body in chain for chain in chains)) if chains else 0

@@ -37,6 +37,9 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
         path = Path(model)
         if not path.is_file():
             raise InvalidValueError(f"no such model file: {path}")
+        with path.open("rb") as file:  # MuJoCo also makes models of lone meshes, and logs what it cannot decode
+            if not file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                raise InvalidValueError(f"MuJoCo cannot parse {path}: expected MJCF or URDF, which begin with <")
         source, parse, argument = str(path), mujoco.MjSpec.from_file, str(path)
     try:
         return parse(argument)

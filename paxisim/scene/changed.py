@@ -11,10 +11,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from paxisim.errors import UnsupportedError
+from paxisim.models.mjcf import format_mjcf
 from paxisim.models.pads import Pads, find_pads, half_thickness
 from paxisim.scene.drive import Drive
 from paxisim.scene.parameters import SceneParameter, height_map
-from paxisim.scene.rig import mjcf_of, spec_of
+from paxisim.scene.rig import spec_of
 from paxisim.scene.scene import Scene
 
 Values = Mapping[SceneParameter, float]
@@ -83,7 +84,7 @@ def _model(scene: Scene, values: Values) -> str:
         for actuator in spec.actuators:
             actuator.gainprm, actuator.biasprm = actuator.gainprm * value, actuator.biasprm * value
             actuator.forcerange = actuator.forcerange * value
-    return mjcf_of(spec)
+    return format_mjcf(spec, "the scene")
 
 
 def of_target(values: Values, group: str, target: str) -> dict[int, float]:

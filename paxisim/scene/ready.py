@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
-from paxisim.models.attach import TactileGripper, attach
-from paxisim.models.gel import Gel
+from paxisim.models.attach import attach
+from paxisim.models.mjcf import format_mjcf
 from paxisim.models.mount import Mount
 from paxisim.models.pad import Pad
 from paxisim.scene.drive import Drive, ObjectStart
@@ -87,7 +87,7 @@ def gripper(layout: TaxelLayout, *, peg: bool = False) -> Scene:
         world.delete(world.body("peg"))
         world.delete(world.geom("table"))
     world.attach(tactile.spec, site=world.site("hand"), prefix="gripper_")
-    mjcf = TactileGripper(world, tactile.mounts, tactile.pad_names, Gel(), layout).to_xml()
+    mjcf = format_mjcf(world, "the scene")
     # the pads are 100 mm apart when the joints are at 0
     drives = tuple(
         Drive("opening", joint=f"gripper_{side}_slide", unit="m", scale=-0.5, offset=0.05) for side in ("left", "right")

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
-from paxisim.models.attach import TactileGripper, attach
+from paxisim.models.attach import attach
 from paxisim.models.load import compile_spec, load_spec, one_line
+from paxisim.models.mjcf import format_mjcf
 from paxisim.models.pad import Pad
 from paxisim.models.pads import Pads, find_pads
 from paxisim.scene.drive import Drive
@@ -90,7 +91,7 @@ def build_rig(scene: Scene) -> Rig:
         UnknownNameError: A drive's joint, body or actuator is not in the MJCF.
     """
     spec = spec_of(scene)
-    mjcf = mjcf_of(spec)
+    mjcf = format_mjcf(spec, "the scene")
     plain = compile_spec(spec, "the scene")
     for drive in scene.drives:
         _check_target(plain, drive)
@@ -115,14 +116,6 @@ def spec_of(scene: Scene) -> mujoco.MjSpec:
     product = sensor(scene.sensor)
     layout = product.layout if scene.pool == 1 else product.layout.pool(scene.pool, scene.pool)
     return attach(scene.mjcf, Pad(layout, mass=product.mass), scene.mounts or None).spec
-
-
-def mjcf_of(spec: mujoco.MjSpec) -> str:
-    """Return the MJCF of a model with absolute mesh paths; `TactileGripper` writes what MuJoCo omits."""
-    from paxisim.layout import TaxelLayout
-    from paxisim.models.gel import Gel
-
-    return TactileGripper(spec, (), (), Gel(), TaxelLayout(1, 1, (1e-3, 1e-3))).to_xml()
 
 
 def _check_target(model: mujoco.MjModel, drive: Drive) -> None:

@@ -163,6 +163,23 @@ def test_sensors_lists_products_and_sources(capsys):
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_a_scene_is_composed_and_gets_pads(capsys, folder):
+    arm = "<mujoco><worldbody><body name='link'><joint/><geom size='0.01' mass='1'/>{}</body></worldbody></mujoco>"
+    (folder / "arm.xml").write_text(arm.format("<site name='flange' pos='0 0 0.5'/>"))
+    words = ["scene", "compose", "--arm", "arm.xml", "--at", "flange", "--hand", "gripper.xml", "--table", "0,0.5,0"]
+    assert main([*words, "--object", "box:30x30x60mm:0.2kg", "--object", "ball:4mm:0.1kg@0,0.4,1", "-o", "s.xml"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "robot: arm.xml with gripper.xml on flange",
+        "table: its top at 0, 0.5, 0 m",
+        "box (box:30x30x60mm:0.2kg): its centre at 0, 0.5, 0.03 m",
+        "ball (ball:4mm:0.1kg): its centre at 0, 0.4, 1 m",
+        "s.xml is written; next: paxisim attach s.xml --help",
+    ]
+    assert main(["attach", "s.xml", *GRID, "-o", "pads.xml"]) == 0
+    assert pads_in("pads.xml").names == ("left_finger_pad", "right_finger_pad")
+    assert mujoco.MjModel.from_xml_path("pads.xml").body("box").mass[0] == pytest.approx(0.2)
+
+
 def test_demo_agrees_with_the_known_load_and_finds_a_free_name(capsys):
     assert main(["demo"]) == 0
     errors = [float(e) for e in re.findall(r"([\d.]+)%", capsys.readouterr().out)]

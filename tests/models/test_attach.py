@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -18,6 +19,7 @@ LEFT = Mount("left_finger", TIP_SURFACE, INTO_FINGER, ("left_tip",))
 RIGHT = Mount("right_finger", TIP_SURFACE, INTO_FINGER, (1,))  # its geom has no name
 MOUNTS = (LEFT, RIGHT)
 PAD = Pad(POOLED, mass=8e-3)
+BITS = ("geom_contype", "geom_conaffinity")
 
 # fields of each kind of element that stay as they were
 KEPT = {
@@ -86,21 +88,43 @@ def test_default_classes_stay_and_still_work():
     assert int(nail.type[0]) == int(mujoco.mjtGeom.mjGEOM_BOX)
 
 
+ODD = 'margin="0.004" gap="0.001" condim="6" group="3" solmix="7" conaffinity="8" material="black"'
+
+
+def odd_defaults(text: str) -> str:
+    """Give a gripper defaults, for all and of the fingers' class, that would spoil a pad."""
+    text = text.replace('<geom friction="0.7 0.01 0.001"/>', f'<geom friction="0.7 0.01 0.001" {ODD} type="capsule"/>')
+    text = text.replace('rgba="0.3 0.3 0.3 1"/>', f'rgba="0.3 0.3 0.3 1" {ODD} friction="0.1 0 0"/>')
+    return text.replace('<site rgba="1 0 0 1"/>', '<site rgba="1 0 0 1" type="ellipsoid" size="0.1 0.1 0.1"/>')
+
+
 def test_the_grippers_defaults_do_not_reach_the_pads(model):
     """Nor do they after saving, where the defaults are written out again."""
-    text = GRIPPER.replace(
-        '<geom friction="0.7 0.01 0.001"/>',
-        '<geom friction="0.7 0.01 0.001" margin="0.004" gap="0.001" condim="6" group="3" solmix="7" type="capsule"/>',
-    ).replace('<site rgba="1 0 0 1"/>', '<site rgba="1 0 0 1" type="ellipsoid" size="0.1 0.1 0.1"/>')
-    other = attach(text, PAD, MOUNTS)
+    other = attach(odd_defaults(GRIPPER), PAD, MOUNTS)
+    bits = {bit: getattr(other.compile(), bit)[find_pads(other.compile()).geoms] for bit in BITS}  # those of the tips
     expected = find_pads(model)
     for found in (other.compile(), mujoco.MjModel.from_xml_string(other.to_xml())):
         pads = find_pads(found)
         for field in ("margin", "gap", "condim", "group", "solmix", "type", "size", "friction", "solref", "solimp"):
             values = (getattr(m, f"geom_{field}")[p.geoms] for m, p in ((found, pads), (model, expected)))
             np.testing.assert_allclose(*values, rtol=1e-5, err_msg=field)  # MuJoCo writes six digits
+        for bit, values in bits.items():
+            np.testing.assert_array_equal(getattr(found, bit)[pads.geoms], values)
         assert pads.thickness == pytest.approx(expected.thickness)
         assert pads.layout.pitch == pytest.approx(POOLED.pitch)
+
+
+def test_a_hand_whose_class_lost_its_material_to_a_prefix_is_saved():
+    """MuJoCo's prefixing renames a material, but not in the default class of the geoms that have it."""
+    text = GRIPPER.replace('rgba="0.3 0.3 0.3 1"/>', 'rgba="0.3 0.3 0.3 1" material="black"/>')
+    hand, arm = mujoco.MjSpec.from_string(text), mujoco.MjSpec.from_string("<mujoco/>")
+    for key in list(hand.keys):
+        hand.delete(key)
+    arm.attach(hand, prefix="h_", frame=arm.worldbody.add_frame())
+    mounts = [replace(m, body=f"h_{m.body}", name="", replaces=(1,)) for m in MOUNTS]
+    saved = mujoco.MjModel.from_xml_string(attach(arm, PAD, mounts).to_xml())
+    assert saved.mat(int(saved.geom("h_left_link").matid[0])).name == "h_black"
+    assert set(saved.geom_matid[find_pads(saved).geoms].flat) == {-1}
 
 
 @pytest.mark.parametrize("layout", [POOLED, TaxelLayout(1, 2, 5e-3, normals=[[-0.1, 0, -1], [0.1, 0, -1]])])

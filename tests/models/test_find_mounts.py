@@ -7,7 +7,7 @@ import functools
 import mujoco
 import numpy as np
 import pytest
-from fingers import BOX, box, check_two, one_jaw, robot, three_fingers, two_fingers
+from fingers import BOX, box, check_two, on_arm, one_jaw, robot, three_fingers, two_fingers
 from scenes import axes_of
 
 from paxisim import InvalidValueError, TaxelLayout, UnknownNameError, attach, find_mounts
@@ -232,6 +232,52 @@ def test_one_jaw_against_a_fixed_one():
     np.testing.assert_allclose(axes_of(base.quat)[:, 1:].T, ((1, 0, 0), (0, 0, -1)), atol=1e-3)
     assert base.pos[2] == pytest.approx(0.004, abs=1e-4)
     assert found.faces[1].opposite == ("base",)
+
+
+# what stands beside the robot
+
+TABLE = '<geom name="table" type="box" size="0.3 0.3 0.01" pos="0 0 -0.05"/>'
+AROUND = f"""{TABLE}<body name="block" pos="0 0 0.05"><freejoint/><geom size="0.02" mass="0.1"/></body>
+  <body name="mocap" mocap="true" pos="0 0.2 0"><geom type="box" size="0.02 0.02 0.002"/></body>"""
+
+
+def sliding(name: str, z: float, reach: str, inner: tuple[str, str] = ("", "")) -> tuple[str, str]:
+    """Return a plate that its actuator moves up and down, with something on it, and all actuators."""
+    bodies, actuators = inner
+    return (
+        f"""<body name="{name}" pos="0 0 {z}">
+          <joint name="{name}" type="slide" axis="0 0 1" range="{reach}" damping="9"/>
+          <geom type="box" size="0.2 0.2 0.01" pos="0 0 -0.02" mass="1"/>{bodies}</body>""",
+        f'<position name="{name}" joint="{name}" kp="500" ctrlrange="{reach}"/>{actuators}',
+    )
+
+
+LIFT = sliding("lift", -0.18, "-0.1 0.1")  # from below the table up to it
+PRESS = sliding("press", 0.1, "-0.15 0.1")
+
+
+@pytest.mark.parametrize(
+    ("parts", "fingers"),
+    [
+        ((two_fingers(),), ["left", "right"]),
+        ((two_fingers(), LIFT), ["left", "right"]),
+        ((on_arm(two_fingers(), at="0 1 0"), LIFT, PRESS), ["left", "right"]),
+        ((sliding("carriage", 0.2, "-0.1 0.1", two_fingers()), LIFT), ["left", "right"]),
+        ((one_jaw(), LIFT), ["base", "jaw"]),
+        ((on_arm(one_jaw(), at="0 1 0"), LIFT, PRESS), ["base", "jaw"]),
+    ],
+)
+def test_tables_lifts_and_objects_get_no_pads(parts, fingers):
+    assert [mount.body for mount in find_mounts(robot(*parts, world=AROUND)).mounts] == fingers
+
+
+def test_a_jaw_that_closes_on_the_world_may_be_a_lift_until_it_is_named():
+    text = robot(LIFT, world=AROUND)
+    with pytest.raises(
+        InvalidValueError, match=r"lift closes on the world, as a jaw or as a lift .*--fingers world lift"
+    ):
+        find_mounts(text)
+    assert {mount.body for mount in find_mounts(text, fingers=["world", "lift"]).mounts} == {"world", "lift"}
 
 
 # what is refused
