@@ -231,8 +231,8 @@ def _robot(
         )
     lines += attached
     model = compile_whole(spec, f"{one.title} with {two.title}")
-    of_hand = below(model, model.body(mount).id)[model.jnt_bodyid]
-    of_hand = np.repeat(of_hand, np.diff(np.append(model.jnt_qposadr, model.nq)))
+    bodies = below(model, model.body(mount).id)
+    of_hand = np.repeat(bodies[model.jnt_bodyid], np.diff(np.append(model.jnt_qposadr, model.nq)))
 
     def together(first: _Pose, second: _Pose) -> _Pose:
         qpos = np.zeros(model.nq)
@@ -240,6 +240,18 @@ def _robot(
         ctrl, act = np.append(first.ctrl, second.ctrl), np.append(first.act, second.act)
         return replace(first, qpos=qpos, ctrl=ctrl, act=act)  # a hand on an arm has no mocap bodies
 
+    data = mujoco.MjData(model)
+    data.qpos[:] = together(one.rest, two.rest).qpos
+    mujoco.mj_forward(model, data)
+    for contact in data.contact:
+        inner, outer = sorted(model.geom_bodyid[contact.geom], key=lambda body: not bodies[body])
+        if contact.dist < -_OVERLAP and bodies[inner] and not bodies[outer]:
+            warnings.warn(
+                f"{model.body(inner).name} of {two.title} is {-1e3 * contact.dist:.0f} mm inside "
+                f"{model.body(outer).name} of {one.title}: check the place and the orientation of {at}",
+                stacklevel=3,
+            )
+            break
     poses = {name: together(pose, two.rest) for name, pose in one.poses.items()}
     poses = poses or {name: together(one.rest, pose) for name, pose in two.poses.items()}
     return spec, poses, prefix, lines

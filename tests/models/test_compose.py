@@ -111,6 +111,7 @@ def test_the_file_holds_the_hand_as_it_was_whatever_the_files_settings_and_defau
     np.testing.assert_allclose(composed.jnt_range[composed.joint("hand_claw").id], alone.jnt_range[0], rtol=1e-5)
 
 
+@pytest.mark.filterwarnings("ignore:.* mm inside")
 def test_names_that_only_one_file_has_stay():
     scene = compose_scene(ARM, HAND, at="site:tool")
     assert (scene.prefix, "names of" in scene.report) == ("", False)
@@ -126,6 +127,7 @@ def test_names_that_only_one_file_has_stay():
     assert read(thrice).nu == 4 + 3 * 2
 
 
+@pytest.mark.filterwarnings("ignore:.* mm inside")
 def test_keyframes_hold_each_part_at_rest_wherever_its_joints_are():
     """The hand is in the middle of the arm's tree, so its joints are between the arm's."""
     last = '<body name="last"><joint name="last" type="slide"/><geom size="0.01" pos="0 0 1"/></body>'
@@ -231,6 +233,14 @@ def test_a_composed_scene_gets_pads_on_the_hand_alone_and_they_carry_the_load():
         assert model.body(name).mass[0] == pytest.approx(mass)
     assert data.body("ball").xpos[2] == pytest.approx(0.22, abs=2e-3), "it fell onto the table"
     assert paxisim.squeeze(gripper, openings=(0.5,)).passed
+
+
+def test_a_hand_inside_the_arm_gives_a_warning():
+    """Its fingers would hold the arm's own link, which is two links away from them."""
+    flipped = ARM.replace(TURNED, FLANGE.replace("/>", ' quat="0 1 0 0"/>')).replace('size="0.02"', 'size="0.06"')
+    bent = HAND.replace("</body></body>", '<body><joint/><geom size="0.04" mass="0.1"/></body></body></body>')
+    with pytest.warns(UserWarning, match="of the hand is .* mm inside link. of the arm: check the place and the or"):
+        compose_scene(flipped, bent, at="flange")
 
 
 def test_what_stands_beside_a_hand_file_stays_out_of_the_arm_and_a_hand_may_stand_alone():
