@@ -18,6 +18,8 @@ from paxisim.diagnose.cause import Cause
 from paxisim.diagnose.problem import FloatArray, Problem
 from paxisim.diagnose.rules import Rules
 
+MIN_HALF = 0.1  # least share of an effect in each half of an episode that is split in the middle
+
 
 @dataclass(frozen=True, eq=False)
 class Folds:
@@ -82,8 +84,8 @@ def folds_of(problem: Problem, causes: Iterable[Cause], rules: Rules) -> Folds:
 def _halves(problem: Problem, causes: Iterable[Cause], rules: Rules) -> dict[int, int]:
     """The sample at which to split each episode that holds most of the effect of some cause, by its index.
 
-    Half of the effect is before it, as half of the time may be all of the rest before the contact. If an episode holds
-    most of several effects, it is the median of their samples.
+    It is in the middle of the episode, unless one half then has hardly any of the effect, as that before the contact;
+    then half of the effect is before it. If an episode holds most of several effects, it is their median.
     """
     thinned, found = problem.thinned, dict[int, list[int]]()
     stride = problem.stride
@@ -93,13 +95,17 @@ def _halves(problem: Problem, causes: Iterable[Cause], rules: Rules) -> dict[int
             sums = np.array([own.sum() for own in energies])
             if sums.max() > rules.lone * sums.sum() > 0:
                 number = int(sums.argmax())
-                half = np.searchsorted(np.cumsum(energies[number]), sums[number] / 2)
-                found.setdefault(number, []).append(problem.episodes[number].start + stride * int(half))
+                span, half = thinned.episodes[number], len(energies[number]) // 2
+                halves = slice(span.start, span.start + half), slice(span.start + half, span.stop)
+                parts = [_energy(thinned, effect, part).sum() for part in halves]
+                if min(parts) < MIN_HALF * sum(parts):
+                    half = int(np.searchsorted(np.cumsum(energies[number]), sums[number] / 2))
+                found.setdefault(number, []).append(problem.episodes[number].start + stride * half)
     return {number: int(np.median(cuts)) for number, cuts in found.items()}
 
 
 def _energy(problem: Problem, effect: FloatArray, span: slice) -> FloatArray:
-    """``(T,)`` energy of an effect in an episode, in units of the noise, without its mean over the episode."""
+    """``(T,)`` energy of an effect in a span of samples, in units of the noise, without its mean over the span."""
     own = (effect[span] - effect[span].mean(axis=0)) * problem.weight[span]
     return np.sum(own**2, axis=(1, 2, 3, 4))
 
