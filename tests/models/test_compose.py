@@ -84,6 +84,7 @@ def look(model: mujoco.MjModel, kind: str, prefix: str = "") -> dict[str, str]:
     return found
 
 
+@pytest.mark.filterwarnings("ignore:.*settotalmass.* is deprecated")  # from MuJoCo 4.0 on
 @pytest.mark.parametrize("arm_is_odd", [False, True])
 @pytest.mark.parametrize("hand_is_odd", [False, True])
 @pytest.mark.parametrize("settings", ["", 'angle="radian" inertiafromgeom="true"', 'settotalmass="7"'])

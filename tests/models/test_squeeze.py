@@ -113,7 +113,7 @@ def test_jaws_that_turn_hold_a_cylinder(hand, opening, pads):
     result = squeezed(robot(hand), mounts, openings=(0.2, opening))
     assert result.passed, str(result)
     assert result.squeezes[-1].object.startswith("cylinder")
-    assert all(len(one.pads) == pads and one.read.min() > 3 for one in result.squeezes)
+    assert all(len(one.pads) == pads and one.read.min() > 2 for one in result.squeezes)
 
 
 def pressed(ridge=""):
