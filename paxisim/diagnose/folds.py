@@ -85,7 +85,7 @@ def _halves(problem: Problem, causes: Iterable[Cause], rules: Rules) -> dict[int
     """The sample at which to split each episode that holds most of the effect of some cause, by its index.
 
     It is in the middle of the episode, unless one half then has hardly any of the effect, as that before the contact;
-    then half of the effect is before it. If an episode holds most of several effects, it is their median.
+    then half of the effect is before it. If an episode holds most of several effects, their samples' median is taken.
     """
     thinned, found = problem.thinned, dict[int, list[int]]()
     stride = problem.stride

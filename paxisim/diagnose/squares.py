@@ -81,7 +81,6 @@ class Squares:
         Where the noise rarely reaches the next count, steps with the slope over a whole count come first, because the
         staircase has many local minima. They end near the best one, which its own slope then finds.
         """
-        self._whole_step = self.rows.counting.is_steep
         values = self._descended(values, zero)
         if self._whole_step and self.free:
             self._whole_step, self._kept = False, None

@@ -52,11 +52,10 @@ def _absorbed(
     weights = by_episode(problem, load**2)
     weight = weights.sum(axis=0)
     ridge = drawn(by_episode(problem, load * residual) + (gains - 1) * weights, weights)[1]
-    trust = np.where(weight > MIN_WEIGHT * weight.max(), weight / (weight + ridge), 0.0)
 
     def absorbed(change: FloatArray) -> FloatArray:
         pull = by_episode(problem, load * change).sum(axis=0)
-        common = float(np.sum(trust * pull / np.maximum(weight, 1e-12)) / max(trust.sum(), 1e-12))
+        common = _common(pull / np.maximum(weight, 1e-12), weight, ridge)[0]
         return load * (common + (pull - common * weight) / (weight + ridge))[:, None]
 
     return absorbed
@@ -81,7 +80,7 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
         weights: ``(episodes, pads, rows, cols)`` sum of the squared load, in the same units.
     """
     pull, weight = pulls.sum(axis=0), weights.sum(axis=0)
-    tells, told = weights > MIN_WEIGHT * weights.max(), weight > MIN_WEIGHT * weight.max()
+    tells = weights > MIN_WEIGHT * weights.max()
     degrees = max(int(tells.sum() - tells.any(axis=0).sum()), 1)
     bare = pull / np.maximum(weight, 1e-12)
     ridge = 1 / GAIN_PRIOR**2
@@ -89,12 +88,17 @@ def drawn(pulls: FloatArray, weights: FloatArray) -> tuple[FloatArray, float]:
     for _ in range(BAYES_ITERATIONS):
         left = pulls - weights * away
         excess = max(float(np.sum(left[tells] ** 2 / weights[tells])) / degrees, 1.0)
-        trust = np.where(told, weight / (weight + ridge), 0.0)
-        common = float(np.sum(trust * bare) / max(trust.sum(), 1e-12))
+        common, trust = _common(bare, weight, ridge)
         apart = (bare - common) ** 2 - excess / np.maximum(weight, 1e-12)
         ridge = excess / max(float(np.sum(trust**2 * apart) / max(np.sum(trust**2), 1e-12)), MIN_SPREAD**2)
         away = common + (pull - common * weight) / (weight + ridge)
     return away, ridge
+
+
+def _common(bare: FloatArray, weight: FloatArray, ridge: float) -> tuple[float, FloatArray]:
+    """Return the common gain of the taxels, from each taxel's own, and how far each of these is trusted."""
+    trust = np.where(weight > MIN_WEIGHT * weight.max(), weight / (weight + ridge), 0.0)
+    return float(np.sum(trust * bare) / max(trust.sum(), 1e-12)), trust
 
 
 def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> FloatArray:
