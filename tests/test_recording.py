@@ -229,8 +229,9 @@ def test_concatenating_keeps_the_clock_and_what_is_keyed_by_episode(tmp_path):
         force = np.zeros((len(at), 1, 3, 1, 1))
         return Recording(at, force, episode=np.repeat(episodes, 5), metadata={"start": start, **metadata})
 
-    replay = {"mode": "force", "closing": {"0": 0.1}, "encoder_error": {"episode": 0, "newtons": 1.0, "peak": 2.0}}
-    other = {**replay, "closing": {"0": 0.2, "1": 0.3}, "encoder_error": {"episode": 1, "newtons": 3.0, "peak": 2.0}}
+    replay = {"mode": "force", "closing": {"0": [0.1]}, "encoder_error": {"episode": 0, "newtons": 1.0, "peak": 2.0}}
+    other = {**replay, "closing": {"0": [0.2], "1": [0.3, 0.4]}, "doubts": ["lost"], "in_doubt": 0.2}
+    other["encoder_error"] = {"episode": 1, "newtons": 3.0, "peak": 2.0}
     first = part(1000.0, [0], task="pick", replay=replay)
     second = part(1010.0, [0, 1], tasks={"0": "place", "1": "turn"}, replay=other)
     both = Recording.concatenate([first, second])
@@ -240,9 +241,11 @@ def test_concatenating_keeps_the_clock_and_what_is_keyed_by_episode(tmp_path):
         "tasks": {"0": "pick", "1": "place", "2": "turn"},
         "replay": {
             "mode": "force",
-            "closing": {"0": 0.1, "1": 0.2, "2": 0.3},
+            "closing": {"0": [0.1], "1": [0.2], "2": [0.3, 0.4]},
             "encoder_error": {"episode": 2, "newtons": 3.0, "peak": 2.0},
             "notes": [],
+            "doubts": ["lost"],
+            "in_doubt": 0.2,
         },
     }
     (tmp_path / "joint.csv").write_text("time,u\n" + "".join(f"{1000 + t},{t}\n" for t in range(13)))

@@ -117,9 +117,16 @@ def _print_how(paired) -> None:
     if how["not_testable"]:
         print(f"  makes unobservable: {', '.join(how['not_testable'])}")
     if closing := how.get("closing"):
-        values = ", ".join(f"{number}: {value:+.4g}" for number, value in closing.items())
-        print(textwrap.fill(f"  closing added, by episode: {values}", TERMINAL_COLUMNS, subsequent_indent="    "))
+        values = "; ".join(f"{number}: {', '.join(f'{v:+.4g}' for v in own)}" for number, own in closing.items())
+        said = f"  closing added, by episode and grasp: {values}"
+        print(textwrap.fill(said, TERMINAL_COLUMNS, subsequent_indent="    "))
     for stream, step in how["encoder_steps"].items():
         print(f"  {stream} was smoothed within its steps of {step:.4g}")
+    if how["in_doubt"]:
+        print(f"In doubt, and left out: {how['in_doubt']:.1%} of the samples")
+    for doubt in how["doubts"][:8]:
+        print(textwrap.fill(f"  {doubt}", TERMINAL_COLUMNS, subsequent_indent="    "))
+    if len(how["doubts"]) > 8:
+        print(f"  and {len(how['doubts']) - 8} more")
     for note in how["notes"]:
         print(f"paxisim: warning: {note}", file=sys.stderr)

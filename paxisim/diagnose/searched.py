@@ -26,8 +26,10 @@ from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.search import PREDICTION_END, Search
 from paxisim.diagnose.vocabulary import cause, known_causes
 from paxisim.recording import Recording
+from paxisim.scene.doubt import recorded_doubts
 from paxisim.scene.modes import hidden_by_replay
 
+MOSTLY = 0.5  # share of a replay in doubt above which no verdict says that the error is explained
 CLEAR_STRUCTURE = 2.0  # statistic of residual structure, relative to its limit, above which the structure is clear
 
 
@@ -108,7 +110,10 @@ def begin(
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)
+    doubtful, doubts = recorded_doubts(recording)
     recording, warnings = prepare(recording)
+    if doubtful > 0:
+        warnings = (_in_doubt(doubtful, doubts), *warnings)
     match = correspondence_of(recording, replayed=responses is not None)
     if match.why:
         return unrelated(recording, warnings, match)
@@ -123,7 +128,17 @@ def begin(
     if unsettled:
         raw = problem_with(recording, responses)
         off = read_off(raw, wanted)
+    if doubtful > MOSTLY:
+        unsettled = (*unsettled, LeftOver(f"the replay is in doubt in {doubtful:.0%} of its samples", doubtful, MOSTLY))
     return Begun(recording, (*warnings, *note), unsettled, tuple(wanted), not_searched, raw, off)
+
+
+def _in_doubt(share: float, doubts: Sequence[str]) -> str:
+    """The warning that part of the replay was left out."""
+    listed = "; ".join(doubts[:3]) + ("; ..." if len(doubts) > 3 else "")
+    return f"the replay is in doubt in {share:.0%} of its samples, which are left out" + (
+        f": {listed}" if listed else ""
+    )
 
 
 @dataclass(frozen=True, eq=False)

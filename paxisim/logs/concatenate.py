@@ -83,7 +83,7 @@ def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays
 
 
 def _merged(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the entries that all parts share; tables keyed by episode are joined, and the worst encoder error kept."""
+    """Return the entries that all parts share; tables keyed by episode are joined, and the worst of each doubt is kept."""
     out = {name: value for name, value in parts[0].items() if all(_same(name, value, part) for part in parts[1:])}
     if any("tasks" in part for part in parts):
         out["tasks"] = _joined(parts, "tasks")
@@ -92,8 +92,9 @@ def _merged(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         shared = {name: value for name, value in replays[0].items() if all(_same(name, value, r) for r in replays[1:])}
         errors = [error for replay in replays if (error := replay.get("encoder_error"))]
         worst = max(errors, key=lambda error: error.get("newtons", 0) / (error.get("peak") or 1), default=None)
-        notes = [note for replay in replays for note in replay.get("notes", ())]
-        out["replay"] = {**shared, "encoder_error": worst, "notes": notes}
+        lists = {name: [text for r in replays for text in r.get(name, ())] for name in ("notes", "doubts")}
+        in_doubt = max(replay.get("in_doubt", 0.0) for replay in replays)
+        out["replay"] = {**shared, **lists, "encoder_error": worst, "in_doubt": in_doubt}
         if any("closing" in replay for replay in replays):
             out["replay"]["closing"] = _joined(replays, "closing")
     return out

@@ -1,7 +1,7 @@
 """Agreement: check whether a replay agrees with the measurement, before drawing conclusions about the sensor.
 
 A motion that was not followed, or an object in a different place, looks like a sensor error. The total normal forces of
-the two streams are therefore compared for each pad and episode: start and end of contact, rate of rise, peak, and
+the two streams are therefore compared for each pad and episode: start and end of contact, typical force, peak, and
 contact that appears in only one of the streams.
 """
 
@@ -18,9 +18,7 @@ from paxisim.recording import Recording
 _CONTACT = 0.03  # contact threshold as a fraction of a stream's peak
 _LEAST = 0.05  # N; lower bound of the contact threshold
 _MISSED = 0.5  # largest fraction of the contact time that the other stream may miss
-_RISE = 0.05  # s; sampling interval for slopes
-_CLEAR = 4.0  # a slope must exceed this many standard deviations of the noise
-_NEAR = (0.5, 2.0)  # accepted ratios of peaks or slopes; outside, the replay is in doubt rather than the sensor's gain
+_NEAR = (0.5, 2.0)  # accepted ratios of forces; outside, the replay is in doubt rather than the sensor's gain
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class PadAgreement:
         simulated_peak: Highest simulated total normal force (N), likewise.
         measured_contact: First and last time of contact in the measured stream.
         simulated_contact: First and last time of contact in the simulated stream.
-        measured_slope: Rate of rise of the measured force (N/s): the median, weighted by the rise.
-        simulated_slope: Rate of rise of the simulated force (N/s), computed likewise.
+        force_ratio: Simulated over measured total normal force: the median while both are in contact, NaN if they never
+            are. Unlike the peaks, it hardly depends on short overshoots.
         only_measured: Time (s) for which only the measured stream is in contact.
         only_simulated: Time (s) for which only the simulated stream is in contact.
         shared: Time (s) for which both streams are in contact.
@@ -49,8 +47,7 @@ class PadAgreement:
     simulated_peak: float
     measured_contact: tuple[float, float]
     simulated_contact: tuple[float, float]
-    measured_slope: float
-    simulated_slope: float
+    force_ratio: float
     only_measured: float
     only_simulated: float
     shared: float
@@ -79,16 +76,12 @@ class PadAgreement:
                 f"{where}: contact is simulated {simulated}, but was measured only {measured}: the scene closes "
                 f"{self.only_simulated:.2g} s too long"
             )
-        ratios = {"peak": self.simulated_peak / self.measured_peak}
-        if self.measured_slope > 0 and self.simulated_slope > 0:
-            ratios["slope"] = self.simulated_slope / self.measured_slope
-        for what, ratio in ratios.items():
-            if not _NEAR[0] <= ratio <= _NEAR[1]:
-                return (
-                    f"{where}: the simulated {what} is {ratio:.2g} times the measured one (peaks "
-                    f"{self.simulated_peak:.3g} and {self.measured_peak:.3g} N; contact begins {late[0]:+.3f} s and "
-                    f"ends {late[1]:+.3f} s later than simulated)"
-                )
+        if not _NEAR[0] <= self.force_ratio <= _NEAR[1]:
+            return (
+                f"{where}: the simulated force is typically {self.force_ratio:.2g} times the measured one (peaks "
+                f"{self.simulated_peak:.3g} and {self.measured_peak:.3g} N; contact begins {late[0]:+.3f} s and "
+                f"ends {late[1]:+.3f} s later than simulated)"
+            )
         return ""
 
 
@@ -116,11 +109,9 @@ class Agreement:
         return self._median(lambda one: one.simulated_peak / one.measured_peak)
 
     @property
-    def slope_ratio(self) -> float:
-        """Median ratio of simulated to measured slope over cases with contact in both; NaN if there are none."""
-        return self._median(
-            lambda one: one.simulated_slope / one.measured_slope if one.measured_slope > 0 else float("nan")
-        )
+    def force_ratio(self) -> float:
+        """Median of `PadAgreement.force_ratio` over cases with contact in both; NaN if there are none."""
+        return self._median(lambda one: one.force_ratio)
 
     @property
     def begins_late(self) -> float:
@@ -141,8 +132,8 @@ class Agreement:
         lines = []
         if np.isfinite(self.peak_ratio):
             lines.append(
-                f"Simulated over measured, median of pads and episodes: peak {self.peak_ratio:.3f}, "
-                f"slope {self.slope_ratio:.3f}"
+                f"Simulated over measured, median of pads and episodes: force {self.force_ratio:.3f}, "
+                f"peak {self.peak_ratio:.3f}"
             )
             lines.append(f"Measured contact begins {self.begins_late:+.3f} s and ends {self.ends_late:+.3f} s later")
         problems = self.problems
@@ -201,12 +192,12 @@ def _compare(
     time, totals = time[both], [stream[both] for stream in streams]
     touching = [total > threshold for total, threshold in zip(totals, thresholds, strict=True)]
     width = np.gradient(time) if len(time) > 1 else np.zeros(len(time))
-    peaks, spans, slopes = [], [], []
+    peaks, spans = [], []
     for total, touches in zip(totals, touching, strict=True):
         at = np.flatnonzero(touches)
         peaks.append(float(total.max()) if len(at) else 0.0 if len(time) else float("nan"))
         spans.append((float(time[at[0]]), float(time[at[-1]])) if len(at) else (float("nan"), float("nan")))
-        slopes.append(_slope(time, total, touches))
+    shared = touching[0] & touching[1]
     return PadAgreement(
         episode=episode,
         pad=pad,
@@ -214,26 +205,11 @@ def _compare(
         simulated_peak=peaks[1],
         measured_contact=spans[0],
         simulated_contact=spans[1],
-        measured_slope=slopes[0],
-        simulated_slope=slopes[1],
+        force_ratio=float(np.median(totals[1][shared] / totals[0][shared])) if shared.any() else float("nan"),
         only_measured=float(width[touching[0] & ~touching[1]].sum()),
         only_simulated=float(width[touching[1] & ~touching[0]].sum()),
-        shared=float(width[touching[0] & touching[1]].sum()),
+        shared=float(width[shared].sum()),
     )
-
-
-def _slope(time: NDArray[np.float64], total: NDArray[np.float64], touches: NDArray[np.bool_]) -> float:
-    if touches.sum() < 3:
-        return 0.0
-    at = np.arange(time[0], time[-1], _RISE)  # adjacent frames may repeat a reading or differ only by noise
-    if len(at) < 3:
-        return 0.0
-    rates = np.gradient(np.interp(at, time, total), at)
-    noise = _noise(total) / (np.sqrt(2) * _RISE)
-    rising = np.sort(rates[(np.interp(at, time, touches) > 0.5) & (rates > _CLEAR * noise)])
-    # weighted by the rise: during a long hold, the force may rise often but only slightly
-    risen = np.cumsum(rising)
-    return float(rising[np.searchsorted(risen, 0.5 * risen[-1])]) if len(rising) else 0.0
 
 
 def _noise(total: NDArray[np.float64]) -> float:

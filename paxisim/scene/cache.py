@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -21,47 +22,47 @@ class EpisodeCache:
     """A folder of simulated episodes, which several programs can share.
 
     An episode is found again only if the version of paxisim and MuJoCo, the compiled model with its meshes, the scene,
-    the recorded motion and the closing are the same, because its file is named by a hash of them.
+    the recording and the closings are the same, because its file is named by a hash of them.
     """
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which is created when the first episode is written."""
         self._folder = folder
 
-    def read(self, replay: Replay, number: int, closing: float | None = None) -> SimulatedEpisode | None:
-        """Return what `replay.run(number, closing)` returned before; None if it is missing or damaged."""
+    def read(self, replay: Replay, number: int, closings: Sequence[float] | None = None) -> SimulatedEpisode | None:
+        """Return what `replay.run(number, closings)` returned before; None if it is missing or damaged."""
         try:
-            with np.load(self._path(replay, number, closing), allow_pickle=False) as kept:
+            with np.load(self._path(replay, number, closings), allow_pickle=False) as kept:
                 about = json.loads(str(kept["about"]))
                 force = np.asarray(kept["force"], dtype=np.float32)
-                return SimulatedEpisode(number, force, float(about["closing"]), tuple(about["notes"]))
+                return SimulatedEpisode(number, force, tuple(about["closings"]), tuple(about["notes"]))
         except FileNotFoundError:
             return None
         except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
             return None
 
-    def run(self, replay: Replay, number: int, closing: float | None = None) -> SimulatedEpisode:
-        """Return `replay.run(number, closing)`, from the folder if possible; otherwise the result is kept there."""
-        kept = self.read(replay, number, closing)
+    def run(self, replay: Replay, number: int, closings: Sequence[float] | None = None) -> SimulatedEpisode:
+        """Return `replay.run(number, closings)`, from the folder if possible; otherwise the result is kept there."""
+        kept = self.read(replay, number, closings)
         if kept is None:
-            kept = replay.run(number, closing)
-            self.write(replay, kept, closing)
+            kept = replay.run(number, closings)
+            self.write(replay, kept, closings)
         return kept
 
-    def write(self, replay: Replay, episode: SimulatedEpisode, closing: float | None = None) -> None:
-        """Keep what `replay.run(episode.number, closing)` returned.
+    def write(self, replay: Replay, episode: SimulatedEpisode, closings: Sequence[float] | None = None) -> None:
+        """Keep what `replay.run(episode.number, closings)` returned.
 
         Raises:
             OSError: The file cannot be written.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(self._path(replay, episode.number, closing)) as temporary, temporary.open("wb") as file:
-            about = json.dumps({"closing": episode.closing, "notes": episode.notes})
+        with whole_file(self._path(replay, episode.number, closings)) as temporary, temporary.open("wb") as file:
+            about = json.dumps({"closings": episode.closings, "notes": episode.notes})
             np.savez_compressed(file, force=episode.force, about=np.array(about))
 
-    def _path(self, replay: Replay, number: int, closing: float | None) -> Path:
+    def _path(self, replay: Replay, number: int, closings: Sequence[float] | None) -> Path:
         digest = hashlib.sha256(f"{__version__} {mujoco.__version__} ".encode())
-        for part in replay.inputs(number, closing):
+        for part in replay.inputs(number, closings):
             # the length tells where a part ends
             digest.update(f"{len(part)} ".encode() + part)
         return self._folder / f"{digest.hexdigest()[:32]}.npz"

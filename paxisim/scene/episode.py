@@ -19,6 +19,7 @@ MAX_STEPS = 20_000_000
 """Most steps of an episode."""
 _LONGEST = 3600.0  # s per episode; exceeded if times are in ms by mistake
 _FAR = 0.1  # m; clearances beyond this are not measured
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
@@ -50,13 +51,17 @@ class EpisodeRunner:
         self._data = mujoco.MjData(rig.model)
         self._readout = TactileReadout(rig.model, rig.pads)
 
-    def run(self, motion: Motion, settle: float, mean: bool) -> NDArray[np.float32]:
-        """Simulate an episode and return forces ``(T, pads, 3, rows, cols)`` (N) at the motion's times.
+    def run(
+        self, motion: Motion, settle: float, mean: bool, start: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float32]:
+        """Simulate an episode, or a part of it, and return forces ``(T, pads, 3, rows, cols)`` (N) at its times.
 
         Args:
             motion: The motion.
             settle: Time (s) for which the scene rests at the first pose before the motion.
             mean: Return the mean force since the previous sample, instead of the force at each time.
+            start: State at the first time, as `state` returned it at the end of the part before. Default: the episode
+                begins, with the objects where the motion says, and settles.
 
         Raises:
             InvalidValueError: The episode lasts more than an hour, so its times are probably not in seconds.
@@ -78,8 +83,63 @@ class EpisodeRunner:
         steps = int(np.ceil(where[-1])) + 1
         at = motion.time[0] + timestep * np.arange(steps)
         inputs = _Inputs(self._rig, self._data, motion, at)
-        self._start(motion, inputs, int(np.ceil(settle / timestep)))
+        if start is None:
+            self._start(motion, inputs, int(np.ceil(settle / timestep)))
+        else:
+            mujoco.mj_resetData(self._model, self._data)
+            mujoco.mj_setState(self._model, self._data, start, _STATE)
         return self._read(motion, inputs, where, steps, mean)
+
+    def state(self) -> NDArray[np.float64]:
+        """Return the state of the simulation, to continue from it."""
+        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._model, self._data, state, _STATE)
+        return state
+
+    def carried(
+        self,
+        address: int,
+        motion: Motion,
+        start: NDArray[np.float64] | None,
+        state: NDArray[np.float64],
+        times: tuple[float, float],
+    ) -> NDArray[np.float64]:
+        """Return a state in which an object lies where the pads carried it.
+
+        Args:
+            address: Index of the object in ``qpos``.
+            motion: The motion of the grasp.
+            start: State at the start of the grasp; None if the episode begins with it.
+            state: State at its end.
+            times: When the pads took the object and when they let it go (s).
+        """
+        model, data = self._model, self._data
+        if start is None:
+            self._place_objects(motion)
+        else:
+            mujoco.mj_setState(model, data, start, _STATE)
+        pose = data.qpos[address : address + 7].copy()
+        taken, left = (self._pad_pose(motion, time) for time in times)
+        back = [np.zeros(3), np.zeros(4)]
+        mujoco.mju_negPose(*back, *taken)
+        relative = [np.zeros(3), np.zeros(4)]
+        mujoco.mju_mulPose(*relative, *back, pose[:3], pose[3:])
+        put = [np.zeros(3), np.zeros(4)]
+        mujoco.mju_mulPose(*put, *left, *relative)
+        mujoco.mj_setState(model, data, state, _STATE)
+        data.qpos[address : address + 7] = np.concatenate(put)
+        dof = int(model.jnt_dofadr[np.flatnonzero(model.jnt_qposadr == address)[0]])
+        data.qvel[dof : dof + 6] = 0.0
+        return self.state()
+
+    def _pad_pose(self, motion: Motion, time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return position and quaternion of the first pad at a time, with all that no stream moves at its start."""
+        data, model = self._data, self._model
+        self._place_objects(motion)
+        _Inputs(self._rig, data, motion, np.array([time])).place(data)
+        mujoco.mj_kinematics(model, data)
+        pad = self._rig.pads.bodies[0]
+        return data.xpos[pad].copy(), data.xquat[pad].copy()
 
     def clearance(self, motion: Motion, time: float) -> float:
         """Return the distance (m) from the pads to the nearest geom they could touch, at a time of the motion.
@@ -87,10 +147,7 @@ class EpisodeRunner:
         Everything that no stream moves is at its start pose. Infinite if nothing is within 0.1 m.
         """
         data, model = self._data, self._model
-        mujoco.mj_resetData(model, data)
-        data.qpos[:] = self._rig.qpos
-        for address, pose in motion.objects:
-            data.qpos[address : address + 7] = pose
+        self._place_objects(motion)
         _Inputs(self._rig, data, motion, np.array([time])).place(data)
         mujoco.mj_kinematics(model, data)
         taxels = self._rig.pads.geoms.ravel()
@@ -105,12 +162,17 @@ class EpisodeRunner:
                 nearest = min(nearest, mujoco.mj_geomDistance(model, data, int(taxel), int(other), nearest, None))
         return float(nearest) if nearest < _FAR else float("inf")
 
+    def _place_objects(self, motion: Motion) -> None:
+        """Reset the simulation to the start of an episode, except for what the streams move."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:] = self._rig.qpos
+        for address, pose in motion.objects:
+            self._data.qpos[address : address + 7] = pose
+
     def _start(self, motion: Motion, inputs: _Inputs, settling: int) -> None:
         data = self._data
-        mujoco.mj_resetData(self._model, data)
-        data.qpos[:], data.ctrl[:] = self._rig.qpos, self._rig.ctrl
-        for address, pose in motion.objects:
-            data.qpos[address : address + 7] = pose
+        self._place_objects(motion)
+        data.ctrl[:] = self._rig.ctrl
         inputs.place(data)
         for _ in range(settling):
             inputs.rest(data)

@@ -36,7 +36,7 @@ MODES: Mapping[Mode, ReplayMode] = {
         {},
     ),
     "fitted": ReplayMode(
-        "as kinematic, with a constant added to the closing stream of each episode so that the mean of the total "
+        "as kinematic, with a constant added to the closing stream in each grasp so that the mean of the total "
         "normal force equals the measured one",
         {
             "axis_gain": _FITTED,
@@ -48,7 +48,7 @@ MODES: Mapping[Mode, ReplayMode] = {
         },
     ),
     "shape": ReplayMode(
-        "as kinematic, with a constant added to the closing stream of each episode so that the total normal force over "
+        "as kinematic, with a constant added to the closing stream in each grasp so that the total normal force over "
         "time has the shape of the measured one, whatever its gain and delay; this locates the object along the "
         "closing",
         {"stiffening": _SHAPE, "dead_band": _SHAPE, "saturation": _SHAPE},

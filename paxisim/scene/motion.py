@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_smoothing_spline
+from scipy.interpolate import CubicSpline
+from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation, RotationSpline
 
 _SMOOTHEST = 1e5  # smoothing parameter for unit sample spacing; passes frequencies below 0.06 rad per sample
@@ -91,7 +92,8 @@ def resolution(values: NDArray[np.float64]) -> float:
 def smooth_within(time: NDArray[np.float64], values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Smooth readings as far as possible while staying within half a `step` of them.
 
-    Fits a smoothing spline iteratively, increasing the weights of the readings from which it is still too far.
+    Minimises the squared distance from the readings plus that of the second derivative (a Whittaker smoother), while
+    increasing the weights of the readings from which it is still too far.
 
     Args:
         time: ``(T,)`` increasing times.
@@ -105,12 +107,30 @@ def smooth_within(time: NDArray[np.float64], values: NDArray[np.float64], step: 
         return values
     at = (time - time[0]) / np.median(np.diff(time))
     readings = (values - values[0]) / (0.5 * step)
+    penalty = _SMOOTHEST * _squared_bending(at)
     weights = np.full(len(values), 1.0)
     curve = readings
     for _ in range(_ROUNDS):
-        curve = make_smoothing_spline(at, readings, weights, lam=_SMOOTHEST)(at)
+        bands = penalty.copy()
+        bands[0] += weights
+        curve = solveh_banded(bands, weights * readings, lower=True)
         off = np.abs(curve - readings)
         if off.max() <= _WITHIN:
             break
         weights *= np.clip(off, 1.0, 10.0) ** 2
     return values[0] + 0.5 * step * curve
+
+
+def _squared_bending(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix whose quadratic form is the integral of the squared second derivative, as its lower bands."""
+    steps = np.diff(at)
+    spans = 0.5 * (steps[:-1] + steps[1:])
+    # the second derivative at each inner sample is a sum of three values with these weights
+    weights = np.array(
+        [1 / (steps[:-1] * spans), -1 / (steps[:-1] * spans) - 1 / (steps[1:] * spans), 1 / (steps[1:] * spans)]
+    )
+    bands = np.zeros((3, len(at)))
+    for i in range(3):
+        for j in range(i, 3):
+            bands[j - i, i : i + len(spans)] += spans * weights[i] * weights[j]
+    return bands

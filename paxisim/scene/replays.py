@@ -41,7 +41,7 @@ class Replays:
         self,
         scene: Scene,
         recording: Recording,
-        closings: Mapping[int, float] | None = None,
+        closings: Mapping[int, Sequence[float]] | None = None,
         *,
         jobs: int = 1,
         folder: Path | None = None,
@@ -51,7 +51,7 @@ class Replays:
         Args:
             scene: The scene.
             recording: Recording with the driving streams among its covariates.
-            closings: Constant added to the closing stream of each episode, as found by a mode that fits it.
+            closings: Constants added to the closing stream in the grasps of each episode, as fitted by a mode.
             jobs: Number of processes.
             folder: Folder of an `EpisodeCache`, which other programs can share. None: no cache on disk.
         """
@@ -142,7 +142,9 @@ def _key(values: Values) -> _Key:
 class _Maker:
     """Computes replays, in this process or another."""
 
-    def __init__(self, scene: Scene, recording: Recording, closings: dict[int, float], folder: Path | None) -> None:
+    def __init__(
+        self, scene: Scene, recording: Recording, closings: dict[int, Sequence[float]], folder: Path | None
+    ) -> None:
         self._scene, self._recording, self._closings = scene, recording, closings
         self._cache = None if folder is None else EpisodeCache(folder)
 
@@ -157,7 +159,7 @@ class _Maker:
         forces: list[_Force | PaxisimError] = []
         for number in numbers:
             try:
-                forces.append(run(number, self._closings.get(number, 0.0)).force)
+                forces.append(run(number, self._closings.get(number)).force)
             except PaxisimError as error:
                 forces.append(error)
         return forces

@@ -1,4 +1,4 @@
-"""Fit of an episode's closing to the shape of the measured force over time, whatever its gain and delay.
+"""Fit of the closing of a grasp to the shape of the measured force over time, whatever its gain and delay.
 
 The position of an object along the closing shows in the time at which contact begins and in how the gel stiffens. So a
 constant is added to the closing stream that makes the simulated total normal force as similar as possible to the
@@ -22,6 +22,8 @@ MAX_DELAY = 0.25
 """Largest delay (s) between the streams."""
 MIN_SIMILARITY = 0.8
 """Smallest similarity at which a closing is taken to explain the measured force."""
+_ALIKE = 1.3  # closings fit alike up to this multiple of the least dissimilarity
+_TOLD = 1.3  # largest ratio of forces of closings that fit alike
 _COARSE = 9  # number of closings in the initial grid search
 _TOLERANCE = 5e-3  # in steps of 1 mm
 
@@ -69,6 +71,12 @@ def fit_shape(
     )
     best = min(runs, key=lambda one: runs[one][0])
     left, force = runs[best]
+    alike = [mean_normal(made) for off, made in runs.values() if off <= _ALIKE * left]
+    if max(alike) > _TOLD * min(alike):
+        raise InvalidValueError(
+            f"episode {episode}: the force over time does not determine the closing: closings with a mean force of "
+            f"{min(alike):.3g} N to {max(alike):.3g} N fit equally well. Use mode fitted, or record slower presses"
+        )
     if abs(best) >= SEARCH_RANGE or left > 1 - MIN_SIMILARITY:
         raise InvalidValueError(
             f"episode {episode}: no closing of up to {SEARCH_RANGE:g} mm more or less gives the simulated force the "

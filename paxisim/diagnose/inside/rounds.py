@@ -79,7 +79,7 @@ def in_scene(
     replay = scene.prepare(recording)
     episodes = [replay.run(number) for number in replay.episodes]
     recording = replay.paired(episodes)
-    closings = {episode.number: episode.closing for episode in episodes}
+    closings = {episode.number: episode.closings for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
         study = Study(replays, known)
         study.glance(_part(tell, 0.0, POSES_END))
@@ -115,7 +115,8 @@ def in_scene(
 
 
 def _simulated(recording: Recording, study: Study) -> Recording:
-    return replace(recording, simulated=study.base)
+    # where the replay was in doubt, it is unknown
+    return replace(recording, simulated=np.where(np.isnan(recording.simulated), np.float32(np.nan), study.base))
 
 
 def _part(tell: Tell, start: float, end: float) -> Tell:

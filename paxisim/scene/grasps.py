@@ -1,0 +1,112 @@
+"""Grasps: simulation of an episode grasp by grasp.
+
+Between two grasps the hand holds nothing, so the state of the object is unknown again. The closing is therefore fitted
+to each grasp, and an object that the simulated hand lost begins the next grasp where the real hand carried it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.errors import InvalidValueError
+from paxisim.recording import Recording
+from paxisim.scene.closing import FittedClosing, fit_closing
+from paxisim.scene.doubt import find_doubts, find_grasps, held
+from paxisim.scene.follow import Follower
+from paxisim.scene.shape import fit_shape
+
+CLOSING_FITS = {"fitted": fit_closing, "shape": fit_shape}
+"""Functions that fit the closing of a grasp, by mode."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grasped:
+    """An episode simulated grasp by grasp.
+
+    Attributes:
+        force: ``(T, pads, 3, rows, cols)`` forces (N); NaN in a grasp to which no closing could be fitted.
+        closings: Constant added to the closing stream in each grasp, in its unit.
+        notes: Why a closing was not fitted.
+    """
+
+    force: NDArray[np.float32]
+    closings: tuple[float, ...]
+    notes: tuple[str, ...]
+
+
+def by_grasp(follower: Follower, part: Recording, closings: Sequence[float] | None) -> Grasped:
+    """Simulate an episode grasp by grasp, each from the end of the one before.
+
+    Args:
+        follower: The scene and its streams.
+        part: The samples of the episode at which all streams are known, with measured forces.
+        closings: Constant to add to the closing stream in each grasp; None to fit it.
+
+    Raises:
+        InvalidValueError: No closing could be fitted to any grasp, or `closings` has another number of grasps.
+        UnsupportedError: The simulation becomes unstable.
+    """
+    assert part.measured is not None
+    grasps = find_grasps(part.time, part.measured)
+    if closings is not None and len(closings) != len(grasps):
+        number = int(part.episode[0])
+        raise InvalidValueError(f"episode {number} has {len(grasps)} grasps, got {len(closings)} closings")
+    force = np.full(part.measured.shape, np.nan, dtype=np.float32)
+    found: list[float] = []
+    notes: list[str] = []
+    failed: list[InvalidValueError] = []
+    state: NDArray[np.float64] | None = None
+    for k, span in enumerate(grasps):
+        # a grasp ends with the first sample of the next one, which continues from there
+        new = slice(span.start + (k > 0), min(span.stop + 1, len(part)))
+        grasp = _Grasp(follower, part, slice(span.start, new.stop), state)
+        before = found[-1] if found else 0.0
+        try:
+            fitted = grasp.fitted() if closings is None else FittedClosing(closings[k], grasp.simulated(closings[k]))
+        except InvalidValueError as error:
+            failed.append(error)
+            fitted = FittedClosing(before, np.full_like(grasp.simulated(before), np.nan), (str(error),))
+        force[new] = fitted.force[k > 0 :]
+        found.append(fitted.closing)
+        notes += fitted.notes
+        lost = any(span.start <= doubt.samples.start < span.stop for doubt in find_doubts(part, force))
+        state = grasp.end(fitted.closing, lost)
+    if len(failed) == len(grasps):
+        raise failed[0]
+    return Grasped(force, tuple(found), tuple(notes))
+
+
+class _Grasp:
+    """One grasp, which can be simulated with different closings."""
+
+    def __init__(self, follower: Follower, part: Recording, span: slice, start: NDArray[np.float64] | None) -> None:
+        self._follower, self._episode, self._part, self._start = follower, part, part[span], start
+        self._ends: dict[float, NDArray[np.float64]] = {}
+
+    def simulated(self, closing: float) -> NDArray[np.float32]:
+        """Return the forces with a closing."""
+        shifts = self._follower.closed(closing)
+        force = self._follower.forces(self._episode, shifts, self._part.time, self._start)
+        self._ends[closing] = self._follower.runner.state()
+        return force
+
+    def fitted(self) -> FittedClosing:
+        """Fit the closing to the measured forces."""
+        fit: Callable[..., FittedClosing] = CLOSING_FITS[self._follower.scene.mode]
+        step, number = self._follower.closing_step(), int(self._part.episode[0])
+        return fit(self.simulated, self._part.measured, self._part.time, step, number)
+
+    def end(self, closing: float, lost: bool) -> NDArray[np.float64]:
+        """Return the state at the end with a closing; if the hand lost the object, this lies where it was carried."""
+        end = self._ends[closing]
+        free = self._follower.free
+        if not lost or len(free) != 1:  # of several objects, nobody knows which the hand held
+            return end
+        assert self._part.measured is not None
+        motion = self._follower.motion(self._episode, self._follower.closed(closing), self._part.time)
+        times = held(self._part.time, self._part.measured)
+        return self._follower.runner.carried(free[0], motion, self._start, end, times)
