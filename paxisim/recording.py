@@ -261,6 +261,8 @@ class Recording:
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
         axes: Mapping[str, str] | None = None,
+        rate: float | None = None,
+        start: str | None = None,
         streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
         """Read a file and align its streams to one time axis, that of the measured tensors.
@@ -270,7 +272,8 @@ class Recording:
         is interpolated between its own neighbouring samples, never beyond its first and last.
 
         Args:
-            path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet``
+            path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.txt`` of AnySkin
+                (`paxisim.logs.anyskin`), eFlesh's ``sensor.csv`` (`paxisim.logs.eflesh`), ``.parquet``
                 (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of
                 a LeRobotDataset (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
@@ -291,6 +294,10 @@ class Recording:
                 and ``pads`` if the feature has them, in the order of the array, e.g. ``{"observation.touch":
                 "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a feature as pads
                 without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
+            rate: Samples per second, for a file that has no times.
+            start: Date and time of the first sample (ISO 8601, such as ``"2026-10-04T23:15:05+02:00"``), for a file
+                that does not state it, so that `streams` with absolute times can be added. Without a time zone, it is
+                the local time of this computer.
             streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
                 with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
                 describes how their time is aligned with the recording's.
@@ -316,6 +323,8 @@ class Recording:
             pads=wanted,
             profile=profile,
             axes=axes,
+            rate=rate,
+            start=start,
             streams=[Path(other) for other in others],
         )
         try:

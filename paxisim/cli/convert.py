@@ -25,6 +25,8 @@ def convert(
     profile: str | None = None,
     axes: tuple[str, ...] = (),
     pads: tuple[str, ...] = (),
+    rate: float | None = None,
+    start: str | None = None,
     streams: tuple[Path, ...] = (),
     lerobot: Path | None = None,
     task: str | None = None,
@@ -48,7 +50,7 @@ def convert(
     paxisim convert press.mcap --lerobot press-lerobot --task "press the ball"
 
     Args:
-        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
+        recording: Recording: .mcap, .npz, .parquet, .csv, .txt (AnySkin) or .hdf5 (robosuite, robomimic).
             Or the folder of a LeRobotDataset (v3).
         output: Output file: .parquet, .npz or .mcap.
         align: Interpolation of streams with their own clock.
@@ -59,6 +61,9 @@ def convert(
         axes: Axes of features of a LeRobotDataset as FEATURE=AXES, e.g. observation.touch=rows,cols,xyz.
             Words: rows,cols or taxels, with xyz and pads if the feature has them. Makes pads of any feature.
         pads: Names of the pads to keep; default: all.
+        rate: Samples per second of a recording that has no times.
+        start: Date and time of the first sample, e.g. 2026-10-04T23:15:05+02:00, if the recording does not state it.
+            Needed to add streams with absolute times.
         streams: Files with more streams of the same motion, such as joint positions.
             Possible are .mcap (ROS 2 or JSON messages), .csv, .hdf5, and LeRobot's .parquet or folder.
         lerobot: Folder for a LeRobotDataset (v3.0); it must not exist yet.
@@ -96,6 +101,8 @@ def convert(
         profile=known,
         axes=_axes(axes),
         pads=pads or None,
+        rate=rate,
+        start=start,
         streams=streams,
     )
     progress(f"writing {output or lerobot}")

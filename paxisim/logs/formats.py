@@ -18,6 +18,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 from paxisim.logs.add_streams import Streams, streams_of_table
+from paxisim.logs.clock import put_in_order, timed
 from paxisim.logs.columns import from_columns, streams_from_columns
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
 
@@ -32,6 +33,8 @@ class Options:
     pads: tuple[str, ...] | None = None
     profile: CountsToForce | None = None
     axes: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    start: float | None = None
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Format:
         streams: Reads the streams to add to another recording; None if such files have none.
         has_counts: Whether it may hold a board's counts, which a profile converts.
         has_features: Whether it consists of named arrays, whose axes the caller may state.
+        may_lack_times: Whether it may have samples without times, whose rate the caller then states.
     """
 
     name: str
@@ -53,6 +57,7 @@ class Format:
     streams: Callable[[Path], Streams] | None
     has_counts: bool = False
     has_features: bool = False
+    may_lack_times: bool = False
 
 
 def format_of(path: Path, *, streams: bool = False) -> Format:
@@ -105,17 +110,25 @@ def _read_eflesh(path: Path, options: Options) -> RecordingArrays:
     return _laid_out(read_eflesh(path, options.align, options.max_gap), options)
 
 
+def _read_anyskin(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.anyskin import read_anyskin
+
+    return _laid_out(read_anyskin(path, options.rate), options)
+
+
 def _read_csv(path: Path, options: Options) -> RecordingArrays:
     from paxisim.logs.csv import read_csv
 
-    found, is_cut = read_csv(path, layout=options.layout, pads=options.pads, profile=options.profile)
+    found, is_cut = read_csv(
+        path, layout=options.layout, pads=options.pads, profile=options.profile, start=options.start
+    )
     if is_cut:
         _warn_of_part(path, "cut off: its last line is incomplete", found)
     return found
 
 
 def _csv_streams(path: Path) -> Streams:
-    from paxisim.logs.csv import read_csv_columns
+    from paxisim.logs.csv_table import read_csv_columns
 
     columns, is_cut = read_csv_columns(path)
     if is_cut:
@@ -129,10 +142,15 @@ def _read_npz(path: Path, options: Options) -> RecordingArrays:
     return _laid_out(read_npz(path), options)
 
 
-def _read_parquet(path: Path, options: Options) -> RecordingArrays:
+def _parquet_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     from paxisim.logs.parquet import read_parquet
 
     columns, about = read_parquet(path)
+    return (columns if about else put_in_order(path, timed(path, columns))), about
+
+
+def _read_parquet(path: Path, options: Options) -> RecordingArrays:
+    columns, about = _parquet_table(path)
     try:
         found = from_columns(columns)
     except InvalidValueError as error:
@@ -145,9 +163,7 @@ def _read_parquet(path: Path, options: Options) -> RecordingArrays:
 
 
 def _parquet_streams(path: Path) -> Streams:
-    from paxisim.logs.parquet import read_parquet
-
-    columns, about = read_parquet(path)
+    columns, about = _parquet_table(path)
     table = _table(path, columns)
     table = replace(table, covariates={**table.covariates, **about.get("covariates", {})})
     return streams_of_table(path, table, restarts="time" not in columns)
@@ -198,6 +214,12 @@ def _mcap_streams(path: Path) -> Streams:
     return Streams({name: {None: stream} for name, stream in found.items()})
 
 
+def _is_eflesh(path: Path) -> bool:
+    from paxisim.logs.eflesh import is_eflesh
+
+    return is_eflesh(path)
+
+
 def _laid_out(found: RecordingArrays, options: Options) -> RecordingArrays:
     return found if options.layout is None else replace(found, layout=options.layout)
 
@@ -217,8 +239,9 @@ def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
 
 FORMATS = (
     Format("LeRobotDataset folder", Path.is_dir, _read_lerobot, _lerobot_streams, has_features=True),
-    Format(".sensor.csv (eFlesh)", lambda path: path.name.endswith(".sensor.csv"), _read_eflesh, None),
-    Format(".csv", _with_suffix(".csv"), _read_csv, _csv_streams, has_counts=True),
+    Format("sensor.csv beside states.csv (eFlesh)", _is_eflesh, _read_eflesh, None),
+    Format(".txt (AnySkin)", _with_suffix(".txt"), _read_anyskin, None, may_lack_times=True),
+    Format(".csv", _with_suffix(".csv", ".tsv"), _read_csv, _csv_streams, has_counts=True),
     Format(".npz", _with_suffix(".npz"), _read_npz, None),
     Format(".parquet", _with_suffix(".parquet"), _read_parquet, _parquet_streams),
     Format(".hdf5", _with_suffix(".h5", ".hdf5"), _read_hdf5, _hdf5_streams),
