@@ -261,6 +261,7 @@ class Recording:
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
         axes: Mapping[str, str] | None = None,
+        topics: str | Iterable[str] = (),
         rate: float | None = None,
         start: str | None = None,
         streams: str | Path | Iterable[str | Path] = (),
@@ -274,8 +275,9 @@ class Recording:
         Args:
             path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.txt`` of AnySkin
                 (`paxisim.logs.anyskin`), eFlesh's ``sensor.csv`` (`paxisim.logs.eflesh`), ``.parquet``
-                (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of
-                a LeRobotDataset (`paxisim.logs.lerobot_reader`).
+                (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); ``.bag``,
+                ``.db3``, ``.mcap`` or the folder of a bag of ROS (`paxisim.logs.ros_tactile`); or the folder of a
+                LeRobotDataset (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value is held, as for a command); one method for all, or one by name (``"simulated"`` or a covariate's
                 name).
@@ -290,17 +292,19 @@ class Recording:
             pads: Names of the pads to keep, as used in the file and in this order. Default: all.
             profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.load_profile`. It
                 also gives the layout. Default: 0.1 N per count, without changing any axis.
-            axes: Axes of features of a LeRobotDataset, by feature: the words ``rows,cols`` or ``taxels``, with ``xyz``
-                and ``pads`` if the feature has them, in the order of the array, e.g. ``{"observation.touch":
-                "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a feature as pads
-                without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
+            axes: Axes of features of a LeRobotDataset or of arrays in a bag of ROS, by feature or topic: the words
+                ``rows,cols`` or ``taxels``, with ``xyz`` and ``pads`` if the array has them, in its order, e.g.
+                ``{"observation.touch": "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a
+                feature as pads without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
+            topics: Tactile topics of a bag of ROS, where they cannot be recognised (`paxisim.logs.ros_tactile`). All
+                other numeric topics become covariates.
             rate: Samples per second, for a file that has no times.
             start: Date and time of the first sample (ISO 8601, such as ``"2026-10-04T23:15:05+02:00"``), for a file
                 that does not state it, so that `streams` with absolute times can be added. Without a time zone, it is
                 the local time of this computer.
-            streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
-                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
-                describes how their time is aligned with the recording's.
+            streams: Files whose numeric streams, such as joint positions, are added as covariates: bags of ROS
+                (`paxisim.logs.ros_bags`), MCAP of ROS 2 or with JSON (`paxisim.logs.mcap_topics`), CSV, Parquet, HDF5,
+                LeRobotDataset. `paxisim.logs.add_streams` describes how their time is aligned with the recording's.
 
         Raises:
             InvalidValueError: The file has another format or no tensors; or the axes of a feature cannot be told; or
@@ -323,6 +327,7 @@ class Recording:
             pads=wanted,
             profile=profile,
             axes=axes,
+            topics=(topics,) if isinstance(topics, str) else tuple(topics),
             rate=rate,
             start=start,
             streams=[Path(other) for other in others],

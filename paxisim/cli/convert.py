@@ -25,6 +25,7 @@ def convert(
     profile: str | None = None,
     axes: tuple[str, ...] = (),
     pads: tuple[str, ...] = (),
+    topics: tuple[str, ...] = (),
     rate: float | None = None,
     start: str | None = None,
     streams: tuple[Path, ...] = (),
@@ -51,21 +52,22 @@ def convert(
 
     Args:
         recording: Recording: .mcap, .npz, .parquet, .csv, .txt (AnySkin) or .hdf5 (robosuite, robomimic).
-            Or the folder of a LeRobotDataset (v3).
+            Or a bag of ROS (.bag, .db3, .mcap or folder), or the folder of a LeRobotDataset (v3).
         output: Output file: .parquet, .npz or .mcap.
         align: Interpolation of streams with their own clock.
         missing: What to do with unknown values: write NaN, or drop the sample.
             In a LeRobotDataset, a dropped frame ends the episode.
         profile: Profile of the sensor (name or file), needed for a CSV file of a board.
             It holds the order and the signs of the taxels.
-        axes: Axes of features of a LeRobotDataset as FEATURE=AXES, e.g. observation.touch=rows,cols,xyz.
+        axes: Axes of features of a LeRobotDataset, or of topics, as NAME=AXES, e.g. observation.touch=rows,cols,xyz.
             Words: rows,cols or taxels, with xyz and pads if the feature has them. Makes pads of any feature.
         pads: Names of the pads to keep; default: all.
+        topics: Tactile topics of a bag of ROS, if they cannot be recognised.
         rate: Samples per second of a recording that has no times.
         start: Date and time of the first sample, e.g. 2026-10-04T23:15:05+02:00, if the recording does not state it.
             Needed to add streams with absolute times.
         streams: Files with more streams of the same motion, such as joint positions.
-            Possible are .mcap (ROS 2 or JSON messages), .csv, .hdf5, and LeRobot's .parquet or folder.
+            Possible are .mcap (ROS 2 or JSON messages), bags of ROS, .csv, .hdf5, and LeRobot's .parquet or folder.
         lerobot: Folder for a LeRobotDataset (v3.0); it must not exist yet.
         task: Task description in the LeRobotDataset; default: the recording's own.
         fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded.
@@ -101,6 +103,7 @@ def convert(
         profile=known,
         axes=_axes(axes),
         pads=pads or None,
+        topics=topics,
         rate=rate,
         start=start,
         streams=streams,

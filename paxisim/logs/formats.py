@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
@@ -21,6 +21,9 @@ from paxisim.logs.add_streams import Streams, streams_of_table
 from paxisim.logs.clock import put_in_order, timed
 from paxisim.logs.columns import from_columns, streams_from_columns
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
+
+if TYPE_CHECKING:
+    from paxisim.logs.topic_streams import TopicStreams
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Options:
     pads: tuple[str, ...] | None = None
     profile: CountsToForce | None = None
     axes: Mapping[str, str] = field(default_factory=dict)
+    topics: tuple[str, ...] = ()
     rate: float | None = None
     start: float | None = None
 
@@ -48,6 +52,7 @@ class Format:
         streams: Reads the streams to add to another recording; None if such files have none.
         has_counts: Whether it may hold a board's counts, which a profile converts.
         has_features: Whether it consists of named arrays, whose axes the caller may state.
+        has_topics: Whether it has topics, among which the caller may choose the tactile ones.
         may_lack_times: Whether it may have samples without times, whose rate the caller then states.
     """
 
@@ -57,6 +62,7 @@ class Format:
     streams: Callable[[Path], Streams] | None
     has_counts: bool = False
     has_features: bool = False
+    has_topics: bool = False
     may_lack_times: bool = False
 
 
@@ -188,9 +194,14 @@ def _hdf5_streams(path: Path) -> Streams:
 
 
 def _read_mcap(path: Path, options: Options) -> RecordingArrays:
-    from paxisim.logs.mcap_reader import read_log
+    from paxisim.logs.mcap_reader import is_recording, read_log
+    from paxisim.logs.mcap_topics import read_topics
     from paxisim.logs.resample import resample_log
 
+    if not is_recording(path):
+        return _read_topics(read_topics(path), options)
+    if options.topics or options.axes:
+        raise InvalidValueError(f"{path} is a recording of paxisim, whose tactile topics and axes are known")
     log = read_log(path)
     found = resample_log(log, options.align, options.max_gap)
     if not log.complete:
@@ -198,12 +209,38 @@ def _read_mcap(path: Path, options: Options) -> RecordingArrays:
     return _laid_out(found, options)
 
 
+def _read_bag(path: Path, options: Options) -> RecordingArrays:
+    from paxisim.logs.ros_bags import read_bag
+
+    return _read_topics(read_bag(path), options)
+
+
+def _read_topics(found: TopicStreams, options: Options) -> RecordingArrays:
+    from paxisim.logs.resample import resample_log
+    from paxisim.logs.ros_tactile import tactile_log
+
+    log = tactile_log(found, options.topics, options.axes, options.pads, options.layout, options.max_gap)
+    return _laid_out(resample_log(log, options.align, options.max_gap), options)
+
+
+def _bag_streams(path: Path) -> Streams:
+    from paxisim.logs.ros_bags import read_bag
+
+    return Streams({name: {None: stream} for name, stream in read_bag(path).streams().items()})
+
+
+def _is_bag(path: Path) -> bool:
+    from paxisim.logs.ros_bags import is_bag
+
+    return is_bag(path)
+
+
 def _mcap_streams(path: Path) -> Streams:
-    from paxisim.logs.mcap_joints import read_joints
     from paxisim.logs.mcap_reader import is_recording, read_log
+    from paxisim.logs.mcap_topics import read_topics
 
     if not is_recording(path):
-        return Streams({name: {None: stream} for name, stream in read_joints(path).items()})
+        return Streams({name: {None: stream} for name, stream in read_topics(path).streams().items()})
     log = read_log(path)
     if not log.complete:
         warnings.warn(f"{path} is cut off or damaged; the intact part was read", stacklevel=4)
@@ -238,6 +275,7 @@ def _warn_of_part(path: Path, what: str, found: RecordingArrays) -> None:
 
 
 FORMATS = (
+    Format("bag of ROS (.bag, .db3 or folder)", _is_bag, _read_bag, _bag_streams, has_features=True, has_topics=True),
     Format("LeRobotDataset folder", Path.is_dir, _read_lerobot, _lerobot_streams, has_features=True),
     Format("sensor.csv beside states.csv (eFlesh)", _is_eflesh, _read_eflesh, None),
     Format(".txt (AnySkin)", _with_suffix(".txt"), _read_anyskin, None, may_lack_times=True),
@@ -245,6 +283,6 @@ FORMATS = (
     Format(".npz", _with_suffix(".npz"), _read_npz, None),
     Format(".parquet", _with_suffix(".parquet"), _read_parquet, _parquet_streams),
     Format(".hdf5", _with_suffix(".h5", ".hdf5"), _read_hdf5, _hdf5_streams),
-    Format(".mcap file", _with_suffix(".mcap"), _read_mcap, _mcap_streams),
+    Format(".mcap file", _with_suffix(".mcap"), _read_mcap, _mcap_streams, has_features=True, has_topics=True),
 )
 """All formats; the first that recognises a path reads it."""

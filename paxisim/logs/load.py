@@ -25,6 +25,7 @@ def load_arrays(
     pads: tuple[str, ...] | None = None,
     profile: CountsToForce | None = None,
     axes: Mapping[str, str] | None = None,
+    topics: tuple[str, ...] = (),
     rate: float | None = None,
     start: str | None = None,
     streams: Iterable[Path] = (),
@@ -48,14 +49,26 @@ def load_arrays(
             f"axes must be words by feature, e.g. {{'observation.touch': 'taxels,xyz'}}, got {axes!r}"
         )
     if axes and not own.has_features:
-        raise InvalidValueError(f"axes is for the features of a LeRobotDataset; {path} has no features")
+        raise InvalidValueError(
+            f"axes is for the features of a LeRobotDataset and the topics of a bag of ROS; {path} has neither"
+        )
+    if topics and not own.has_topics:
+        raise InvalidValueError(f"topics is for the topics of a bag of ROS; {path} has no topics")
     if rate is not None:
         check_rate(rate)
         if not own.may_lack_times:
             raise InvalidValueError(f"rate is for a recording without times; {path} has times of its own")
     began = None if start is None else start_time(start)
     options = Options(
-        _part(align, lambda name: name not in elsewhere), max_gap, layout, pads, profile, axes or {}, rate, began
+        _part(align, lambda name: name not in elsewhere),
+        max_gap,
+        layout,
+        pads,
+        profile,
+        axes or {},
+        topics,
+        rate,
+        began,
     )
     found = own.read(path, options)
     if began is not None:

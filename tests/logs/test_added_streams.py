@@ -91,7 +91,7 @@ def test_without_the_package_the_error_names_the_extra(press, tmp_path, monkeypa
     monkeypatch.setitem(sys.modules, "mcap_ros2", None)  # as if it were not installed
     words = ["convert", str(press), str(tmp_path / "out.npz"), "--streams", str(tmp_path / "arm.mcap")]
     assert main(words) == 2
-    assert "needs mcap_ros2, which is not installed: pip install 'paxisim[ros2]'" in capsys.readouterr().err
+    assert "needs mcap_ros2, which is not installed: pip install 'paxisim[ros]'" in capsys.readouterr().err
     assert not (tmp_path / "out.npz").exists()
 
 

@@ -187,7 +187,10 @@ def test_axes_in_the_shell(tmp_path, monkeypatch, capsys):
     assert "1 pad of 1x5 taxels" in capsys.readouterr().out
     assert Recording.load("a.npz").pads == ("touch",)
     assert main(["convert", "a.npz", "b.npz", "--axes", f"{TOUCH}=taxels,xyz"]) == 2
-    assert "axes is for the features of a LeRobotDataset; a.npz has no features" in capsys.readouterr().err
+    assert (
+        "axes is for the features of a LeRobotDataset and the topics of a bag of ROS; a.npz has neither"
+        in capsys.readouterr().err
+    )
     for axes in ({TOUCH: ("taxels", "xyz")}, "taxels,xyz"):
         refused(tmp_path / "set", "axes", axes=axes)
     with pytest.raises(UnknownNameError, match="unknown feature"):

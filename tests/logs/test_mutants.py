@@ -27,9 +27,10 @@ from paxisim.errors import PaxisimError
 from paxisim.hw.profiles.load import load_profile
 from paxisim.hw.profiles.profile import Profile
 from paxisim.logs.lerobot_writer import write_lerobot
-from paxisim.logs.mcap_joints import read_joints
 from paxisim.logs.mcap_reader import is_recording
+from paxisim.logs.mcap_topics import read_topics
 from paxisim.logs.parquet import write_parquet
+from paxisim.logs.topic_streams import TopicStreams
 
 TESTS = Path(__file__).parents[1]
 sys.path += [str(TESTS), str(TESTS / "diagnose")]
@@ -128,7 +129,7 @@ def mcap_mutant(bases: list[bytes], rng: random.Random) -> bytes:
 
 def read_mcap(path: Path) -> object:
     """Load a file as a recording if it claims to be one, else as streams to add."""
-    return paxisim.Recording.load(path) if is_recording(path) else read_joints(path)
+    return paxisim.Recording.load(path) if is_recording(path) else read_topics(path)
 
 
 def npz_bases(folder: Path) -> list[bytes]:
@@ -288,10 +289,10 @@ def read_diagnosis(path: Path) -> object:
 FORMATS = {
     "hdf5": (hdf5_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
     "parquet": (parquet_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
-    "bag": (bag_bases, any_mutant, read_joints, dict),
+    "bag": (bag_bases, any_mutant, read_topics, TopicStreams),
     "calibration": (calibration_bases, any_mutant, paxisim.Calibration.load, paxisim.Calibration),
     "diagnosis": (diagnosis_bases, any_mutant, read_diagnosis, paxisim.diagnose.Diagnosis),
-    "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, dict)),
+    "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, TopicStreams)),
     "npz": (npz_bases, npz_mutant, paxisim.Recording.load, paxisim.Recording),
     "lerobot": (lerobot_bases, lerobot_mutant, read_lerobot, paxisim.Recording),
     "csv": (csv_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
