@@ -37,6 +37,7 @@ class Options:
     profile: CountsToForce | None = None
     axes: Mapping[str, str] = field(default_factory=dict)
     topics: tuple[str, ...] = ()
+    names: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None
     start: float | None = None
 
@@ -53,6 +54,7 @@ class Format:
         has_counts: Whether it may hold a board's counts, which a profile converts.
         has_features: Whether it consists of named arrays, whose axes the caller may state.
         has_topics: Whether it has topics, among which the caller may choose the tactile ones.
+        may_be_renamed: Whether its arrays may have other names, which the caller states.
         may_lack_times: Whether it may have samples without times, whose rate the caller then states.
     """
 
@@ -63,6 +65,7 @@ class Format:
     has_counts: bool = False
     has_features: bool = False
     has_topics: bool = False
+    may_be_renamed: bool = False
     may_lack_times: bool = False
 
 
@@ -145,7 +148,7 @@ def _csv_streams(path: Path) -> Streams:
 def _read_npz(path: Path, options: Options) -> RecordingArrays:
     from paxisim.logs.npz import read_npz
 
-    return _laid_out(read_npz(path), options)
+    return _laid_out(read_npz(path, options.names, options.axes, options.rate, options.layout), options)
 
 
 def _parquet_table(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -178,11 +181,12 @@ def _parquet_streams(path: Path) -> Streams:
 def _read_hdf5(path: Path, options: Options) -> RecordingArrays:
     from paxisim.logs.hdf5 import read_hdf5
 
-    found = read_hdf5(path)
+    found = read_hdf5(path, options.axes, options.rate, options.layout)
     if found.measured is None and found.simulated is None:
         raise InvalidValueError(
-            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs; to add the other "
-            "streams to a recording that has one, use streams (paxisim convert --streams)"
+            f"{path} has no tensor: expected a dataset of shape (T, pads, 3, rows, cols) in obs, or one with 'tactile' "
+            "in its name in observations; to add the other streams to a recording that has one, use streams (paxisim "
+            "convert --streams)"
         )
     return _laid_out(found, options)
 
@@ -280,9 +284,9 @@ FORMATS = (
     Format("sensor.csv beside states.csv (eFlesh)", _is_eflesh, _read_eflesh, None),
     Format(".txt (AnySkin)", _with_suffix(".txt"), _read_anyskin, None, may_lack_times=True),
     Format(".csv", _with_suffix(".csv", ".tsv"), _read_csv, _csv_streams, has_counts=True),
-    Format(".npz", _with_suffix(".npz"), _read_npz, None),
+    Format(".npz", _with_suffix(".npz"), _read_npz, None, has_features=True, may_be_renamed=True, may_lack_times=True),
     Format(".parquet", _with_suffix(".parquet"), _read_parquet, _parquet_streams),
-    Format(".hdf5", _with_suffix(".h5", ".hdf5"), _read_hdf5, _hdf5_streams),
+    Format(".hdf5", _with_suffix(".h5", ".hdf5"), _read_hdf5, _hdf5_streams, has_features=True, may_lack_times=True),
     Format(".mcap file", _with_suffix(".mcap"), _read_mcap, _mcap_streams, has_features=True, has_topics=True),
 )
 """All formats; the first that recognises a path reads it."""

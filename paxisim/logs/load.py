@@ -26,6 +26,7 @@ def load_arrays(
     profile: CountsToForce | None = None,
     axes: Mapping[str, str] | None = None,
     topics: tuple[str, ...] = (),
+    names: Mapping[str, str] | None = None,
     rate: float | None = None,
     start: str | None = None,
     streams: Iterable[Path] = (),
@@ -50,10 +51,12 @@ def load_arrays(
         )
     if axes and not own.has_features:
         raise InvalidValueError(
-            f"axes is for the features of a LeRobotDataset and the topics of a bag of ROS; {path} has neither"
+            f"axes is for arrays: features of a LeRobotDataset, topics of a bag of ROS, HDF5 and npz; {path} has none"
         )
     if topics and not own.has_topics:
         raise InvalidValueError(f"topics is for the topics of a bag of ROS; {path} has no topics")
+    if names and not own.may_be_renamed:
+        raise InvalidValueError(f"names is for the arrays of an npz file; {path} is none")
     if rate is not None:
         check_rate(rate)
         if not own.may_lack_times:
@@ -61,14 +64,15 @@ def load_arrays(
     began = None if start is None else start_time(start)
     options = Options(
         _part(align, lambda name: name not in elsewhere),
-        max_gap,
-        layout,
-        pads,
-        profile,
-        axes or {},
-        topics,
-        rate,
-        began,
+        max_gap=max_gap,
+        layout=layout,
+        pads=pads,
+        profile=profile,
+        axes=axes or {},
+        topics=topics,
+        names=names or {},
+        rate=rate,
+        start=began,
     )
     found = own.read(path, options)
     if began is not None:
