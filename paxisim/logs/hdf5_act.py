@@ -99,8 +99,6 @@ def _datasets(path: Path, group: Any, prefix: str, depth: int) -> Iterator[tuple
         return
     refuse_streams(path, len(group))
     for name in group:
-        if prefix + name == "images":
-            continue
         found = member(path, group, name)
         if hasattr(found, "keys"):
             yield from _datasets(path, found, f"{prefix}{name}/", depth + 1)

@@ -28,7 +28,8 @@ def write(path, **datasets):
 
 
 def test_an_episode_in_the_shell(tmp_path, capsys):
-    path = write(tmp_path / "episode_0.hdf5", observations__tactile__left=TOUCH, observations__tactile__right=TOUCH + 1)
+    tactile = {f"observations__tactile__{side}": values for side, values in (("left", TOUCH), ("right", TOUCH + 1))}
+    path = write(tmp_path / "episode_0.hdf5", **tactile, observations__images__tactile_camera=IMAGE)
     assert main(["convert", str(path), str(tmp_path / "a.npz")]) == 2
     assert "episode_0.hdf5 has no times: state its samples per second with rate" in capsys.readouterr().err
     assert main(["convert", str(path), str(tmp_path / "a.npz"), "--rate", "50"]) == 0

@@ -131,6 +131,7 @@ UNCLEAR = [  # messages, options, words of the error
         {},
         r"no topic that is tactile beyond doubt: .* /joint_states \(sensor_msgs",
     ),
+    (lambda build: [("/imu/mag", START, build.field(START, [1e-5] * 3))], {}, "no topic that is tactile beyond doubt"),
     (both, {}, "several kinds of tactile topics: choose with topics"),
     (both, {"topics": ["/mag1", "/tactile"]}, "differ in their taxels: magnetometers has 1x1, tactile has 1x4"),
     (arrays((12,)), {}, r"the axes of topic /tactile, of shape \(12,\), cannot be told; .*--axes /tactile=taxels,xyz"),
@@ -158,6 +159,19 @@ def test_names_that_do_not_exist_and_formats_without_topics(tmp_path):
             Recording.load(path, **options)
     (tmp_path / "a.csv").write_text("time\n")
     refused(tmp_path / "a.csv", "topics is for the topics of a bag of ROS", topics="/a")
+
+
+def text(build):
+    yield from arm(build, 0)
+    yield "/text", START, build.make("std_msgs/msg/String", data="a" * 3_000_000)
+
+
+@pytest.mark.parametrize("kind", ["bag", "bz2", "lz4"])
+def test_a_chunk_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, kind):
+    path = write_bag(tmp_path / "run.bag", kind, text)
+    Recording.load(path, topics="/wrist")
+    monkeypatch.setenv("PAXISIM_MAX_UNPACKED", "1000000")
+    refused(path, "run.bag unpacks to 1000001 bytes or more" if kind != "bag" else "unpacks to 30", topics="/wrist")
 
 
 def test_damaged_and_hostile_bags(tmp_path, monkeypatch, capsys):

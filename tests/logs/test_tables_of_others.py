@@ -100,6 +100,7 @@ REFUSED = {
     table("Time").replace("opening", "TIME"): "several columns of time, Time, TIME: name the one to read 'time'",
     table("time", [UNIX * 1000 + 4000 * i for i in range(6)]): "cannot be told: .* name it time_ms or time_us",
     table("time", [iso(i) for i in range(5)] + ["yesterday"]): "line 7, column 'time': expected a date and time such",
+    table(cells=[0, "late"], first="1,1,1,2\n"): "line 4, column 'time': 'late' is not a number",
     "-----BEGIN A SECRET KEY OF MINE-----\nabc\n": "^(?!.*SECRET KEY OF MINE)",
     table(cells=["a secret that is longer than a number"]): "'a secret that is longer ...' is not a number",
 }
@@ -210,3 +211,17 @@ def test_anyskins_text_logs(tmp_path, capsys):
     ):
         path.write_text(text)
         refused(path, word, rate=60.0)
+
+
+def test_a_parquet_table_of_another_program(tmp_path):
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    columns = {"Time": [0, 20, 60, 40, 80, 100]} | {name: [0.5, 1.5, 3.5, 2.5, 4.5, 5.5] for name in NAMES}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
+    with pytest.warns(UserWarning, match="a.parquet: ") as said:
+        loaded = Recording.load(tmp_path / "a.parquet")
+    assert [("taken to be in ms" in str(one.message), "sorted" in str(one.message)) for one in said] == [
+        (True, False),
+        (False, True),
+    ]
+    np.testing.assert_allclose(loaded.time, EVERY * np.arange(6))
+    np.testing.assert_array_equal(loaded.covariates["opening"], np.arange(6) + 0.5)
