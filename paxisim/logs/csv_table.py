@@ -87,6 +87,11 @@ class CsvTable:
         self.lines = lines[1:]
         if self._delimiter == ";":
             self.lines = [line.replace(",", ".") for line in self.lines]
+        if all(_is_number(name) for name in self.names):
+            raise InvalidValueError(
+                f"{path} has no header: expected the columns' names in its first line, got numbers; eFlesh's file "
+                "needs its states.csv beside it"
+            )
         if len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise InvalidValueError(f"{path} has two columns {clipped(twice)}")
@@ -121,8 +126,10 @@ class CsvTable:
                 the times cannot be told.
         """
         times = time_columns(self.path, self.names)
-        dates = [name for name in times if unix_time(self.cell(0, name)) is not None]
+        first = next(self.rows())
+        dates = [name for name, text in zip(self.names, first, strict=True) if unix_time(text) is not None]
         plain = [name for name in self.names if name not in dates]
+        dates = [name for name in dates if name in times]  # a second clock is left out
         values = self.numbers(plain)
         found = {name: self._dates(name) for name in dates} | dict(zip(plain, values.T, strict=True))
         found = timed(self.path, found)
@@ -209,6 +216,14 @@ def _header(line: str) -> tuple[str, list[str]]:
     cells = {delimiter: next(csv.reader([line], delimiter=delimiter)) for delimiter in _DELIMITERS}
     delimiter = max(cells, key=lambda delimiter: len(cells[delimiter]))
     return delimiter, [name.strip() for name in cells[delimiter]]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _has_time(line: str) -> bool:

@@ -56,6 +56,7 @@ READ = {  # text, time of the first row, words of the warning or ""
     "Unix ns": (table("timestamp", [int(UNIX) * 10**9 + 20_000_000 * i for i in range(6)]), UNIX, ""),
     "ISO": (table("time", [iso(i, "Z") for i in range(6)]), UNIX, ""),
     "ISO with a zone": (table("Timestamp", [iso(i, "-03:30") for i in range(6)]), UNIX + 12600, ""),
+    "two clocks": (table("Timestamp,time", [f"{iso(i)},{EVERY * i}" for i in range(6)]), 0, ""),
     "ISO without one": (
         table("time", [iso(i).replace("T", " ") for i in range(6)]),
         UNIX - 7200,
@@ -101,6 +102,7 @@ REFUSED = {
     table("time", [UNIX * 1000 + 4000 * i for i in range(6)]): "cannot be told: .* name it time_ms or time_us",
     table("time", [iso(i) for i in range(5)] + ["yesterday"]): "line 7, column 'time': expected a date and time such",
     table(cells=[0, "late"], first="1,1,1,2\n"): "line 4, column 'time': 'late' is not a number",
+    "0.0,1.0,1.0\n0.1,1.0,1.0\n": "has no header: expected the columns' names in its first line, got numbers",
     "-----BEGIN A SECRET KEY OF MINE-----\nabc\n": "^(?!.*SECRET KEY OF MINE)",
     table(cells=["a secret that is longer than a number"]): "'a secret that is longer ...' is not a number",
 }
