@@ -123,7 +123,8 @@ def unix_time(text: str) -> tuple[float, bool] | None:
     offset = sign * timedelta(hours=int(match[10] or 0), minutes=int(match[11] or 0))
     try:
         zone = timezone(offset) if match[8] or match[9] else None
-        return datetime(*(int(match[i]) for i in range(1, 7)), tzinfo=zone).timestamp() + fraction, zone is None  # pyright: ignore
+        year, month, day, hour, minute, second = (int(match[i]) for i in range(1, 7))
+        return datetime(year, month, day, hour, minute, second, tzinfo=zone).timestamp() + fraction, zone is None
     except (ValueError, OverflowError, OSError):
         return None
 
@@ -164,7 +165,7 @@ def put_in_order(path: Path, columns: dict[str, NDArray[np.float64]]) -> dict[st
     time = columns[clock]
     if not np.isfinite(time).all() or (episode is not None and not np.isfinite(episode).all()):
         return columns
-    spans = [slice(0, len(time))] if episode is None else episode_spans(episode)  # pyright: ignore[reportArgumentType]
+    spans = (slice(0, len(time)),) if episode is None else episode_spans(episode.astype(np.int64))
     order, late = np.arange(len(time)), 0
     for span in spans:
         back = np.flatnonzero(np.diff(time[span]) < 0)

@@ -199,7 +199,8 @@ def _start_from_name(path: Path, time_of_day: float) -> dict[str, float]:
     if not match:
         return {}
     try:
-        named = datetime(*(int(part) for part in match.groups()))  # pyright: ignore[reportArgumentType]
+        year, month, day, hour, minute, second = (int(part) for part in match.groups())
+        named = datetime(year, month, day, hour, minute, second)
     except ValueError:
         return {}
     midnight = named.replace(hour=0, minute=0, second=0)
