@@ -261,6 +261,10 @@ class Recording:
         pads: Iterable[str] | None = None,
         profile: CountsToForce | None = None,
         axes: Mapping[str, str] | None = None,
+        topics: str | Iterable[str] = (),
+        names: Mapping[str, str] | None = None,
+        rate: float | None = None,
+        start: str | None = None,
         streams: str | Path | Iterable[str | Path] = (),
     ) -> Recording:
         """Read a file and align its streams to one time axis, that of the measured tensors.
@@ -270,9 +274,12 @@ class Recording:
         is interpolated between its own neighbouring samples, never beyond its first and last.
 
         Args:
-            path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.parquet``
-                (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite or robomimic (`paxisim.logs.hdf5`); or the folder of
-                a LeRobotDataset (`paxisim.logs.lerobot_reader`).
+            path: File to read: ``.mcap``, ``.npz``, ``.csv`` (`paxisim.logs.csv`), ``.txt`` of AnySkin
+                (`paxisim.logs.anyskin`), eFlesh's ``sensor.csv`` (`paxisim.logs.eflesh`), ``.parquet``
+                (`paxisim.logs.parquet`) or ``.hdf5`` of robosuite, robomimic (`paxisim.logs.hdf5`) or
+                ACT (`paxisim.logs.hdf5_act`); ``.bag``,
+                ``.db3``, ``.mcap`` or the folder of a bag of ROS (`paxisim.logs.ros_tactile`); or the folder of a
+                LeRobotDataset (`paxisim.logs.lerobot_reader`).
             align: How streams at other times are interpolated: ``"linear"``, ``"nearest"`` or ``"previous"`` (the last
                 value is held, as for a command); one method for all, or one by name (``"simulated"`` or a covariate's
                 name).
@@ -287,13 +294,21 @@ class Recording:
             pads: Names of the pads to keep, as used in the file and in this order. Default: all.
             profile: Conversion of the counts in a board's CSV to newtons, from `paxisim.load_profile`. It
                 also gives the layout. Default: 0.1 N per count, without changing any axis.
-            axes: Axes of features of a LeRobotDataset, by feature: the words ``rows,cols`` or ``taxels``, with ``xyz``
-                and ``pads`` if the feature has them, in the order of the array, e.g. ``{"observation.touch":
-                "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a feature as pads
-                without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
-            streams: Files whose numeric streams, such as joint positions, are added as covariates: MCAP of ROS 2 or
-                with JSON (`paxisim.logs.mcap_joints`), CSV, Parquet, HDF5, LeRobotDataset. `paxisim.logs.add_streams`
-                describes how their time is aligned with the recording's.
+            axes: Axes of features of a LeRobotDataset or of arrays in a bag of ROS, HDF5 or npz, by name: the words
+                ``rows,cols`` or ``taxels``, with ``xyz`` and ``pads`` if the array has them, in its order, e.g.
+                ``{"observation.touch": "rows,cols,xyz"}``. Needed where names and shape do not tell them, and to read a
+                feature as pads without "tactile" in its name. See `paxisim.logs.lerobot_pads`.
+            topics: Tactile topics of a bag of ROS, where they cannot be recognised (`paxisim.logs.ros_tactile`). All
+                other numeric topics become covariates.
+            names: Keys of an npz archive of another program, by what they are here: ``"time"``, ``"measured"``,
+                ``"simulated"``, ``"episode"`` or the name of a covariate, e.g. ``{"measured": "tactile"}``.
+            rate: Samples per second, for a file that has no times.
+            start: Date and time of the first sample (ISO 8601, such as ``"2026-10-04T23:15:05+02:00"``), for a file
+                that does not state it, so that `streams` with absolute times can be added. Without a time zone, it is
+                the local time of this computer.
+            streams: Files whose numeric streams, such as joint positions, are added as covariates: bags of ROS
+                (`paxisim.logs.ros_bags`), MCAP of ROS 2 or with JSON (`paxisim.logs.mcap_topics`), CSV, Parquet, HDF5,
+                LeRobotDataset. `paxisim.logs.add_streams` describes how their time is aligned with the recording's.
 
         Raises:
             InvalidValueError: The file has another format or no tensors; or the axes of a feature cannot be told; or
@@ -316,6 +331,10 @@ class Recording:
             pads=wanted,
             profile=profile,
             axes=axes,
+            topics=(topics,) if isinstance(topics, str) else tuple(topics),
+            names=names,
+            rate=rate,
+            start=start,
             streams=[Path(other) for other in others],
         )
         try:

@@ -15,7 +15,7 @@ import paxisim
 PACKAGE = Path(paxisim.__file__).parent
 INTEGRATIONS = PACKAGE.parent / "integrations"
 # heavy or optional packages, which are imported when a name that needs them is first used
-FORMATS = {"pyarrow", "rerun", "jinja2", "h5py", "mcap_ros2", "matplotlib", "trimesh"}
+FORMATS = {"pyarrow", "rerun", "jinja2", "h5py", "mcap_ros2", "rosbags", "matplotlib", "trimesh"}
 DEVICES = {"torch", "serial", "paxini_sdk", "robosuite", "mujoco_warp", "warp", "ray"}
 OPTIONAL = FORMATS | DEVICES
 HEAVY = OPTIONAL | {"mujoco", "numpy", "scipy", "lxml", "tyro", "mcap", "orjson"}
@@ -25,7 +25,8 @@ LEVELS = {
     0: "errors layout cluster parallel",
     0.5: "files",
     0.7: "document",
-    1: "bump layer sensors logs",
+    0.9: "sensors",
+    1: "bump layer logs",
     1.5: "recording",
     1.7: "presses",
     2: "models augment hw calibrate",

@@ -25,6 +25,10 @@ def convert(
     profile: str | None = None,
     axes: tuple[str, ...] = (),
     pads: tuple[str, ...] = (),
+    topics: tuple[str, ...] = (),
+    names: tuple[str, ...] = (),
+    rate: float | None = None,
+    start: str | None = None,
     streams: tuple[Path, ...] = (),
     lerobot: Path | None = None,
     task: str | None = None,
@@ -48,19 +52,25 @@ def convert(
     paxisim convert press.mcap --lerobot press-lerobot --task "press the ball"
 
     Args:
-        recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5 (robosuite, robomimic).
-            Or the folder of a LeRobotDataset (v3).
+        recording: Recording: .mcap, .npz, .parquet, .csv, .txt (AnySkin) or .hdf5 (robosuite, robomimic, ACT).
+            Or a bag of ROS (.bag, .db3, .mcap or folder), or the folder of a LeRobotDataset (v3).
         output: Output file: .parquet, .npz or .mcap.
         align: Interpolation of streams with their own clock.
         missing: What to do with unknown values: write NaN, or drop the sample.
             In a LeRobotDataset, a dropped frame ends the episode.
         profile: Profile of the sensor (name or file), needed for a CSV file of a board.
             It holds the order and the signs of the taxels.
-        axes: Axes of features of a LeRobotDataset as FEATURE=AXES, e.g. observation.touch=rows,cols,xyz.
+        axes: Axes of features of a LeRobotDataset, topics or arrays as NAME=AXES, e.g. observation.touch=rows,cols,xyz.
             Words: rows,cols or taxels, with xyz and pads if the feature has them. Makes pads of any feature.
         pads: Names of the pads to keep; default: all.
+        topics: Tactile topics of a bag of ROS, if they cannot be recognised.
+        names: Keys of an npz archive of another program as NAME=KEY, e.g. measured=tactile time=t.
+            NAME is time, measured, simulated, episode or that of a covariate.
+        rate: Samples per second of a recording that has no times.
+        start: Date and time of the first sample, e.g. 2026-10-04T23:15:05+02:00, if the recording does not state it.
+            Needed to add streams with absolute times.
         streams: Files with more streams of the same motion, such as joint positions.
-            Possible are .mcap (ROS 2 or JSON messages), .csv, .hdf5, and LeRobot's .parquet or folder.
+            Possible are .mcap (ROS 2 or JSON messages), bags of ROS, .csv, .hdf5, and LeRobot's .parquet or folder.
         lerobot: Folder for a LeRobotDataset (v3.0); it must not exist yet.
         task: Task description in the LeRobotDataset; default: the recording's own.
         fps: Frames per second of the LeRobotDataset; default: the recording's rate, rounded.
@@ -94,8 +104,12 @@ def convert(
         align=align,
         missing="nan" if lerobot else missing,
         profile=known,
-        axes=_axes(axes),
+        axes=_pairs("--axes", "FEATURE=AXES, e.g. observation.touch=rows,cols,xyz", axes),
         pads=pads or None,
+        topics=topics,
+        names=_pairs("--names", "NAME=KEY, e.g. measured=tactile", names),
+        rate=rate,
+        start=start,
         streams=streams,
     )
     progress(f"writing {output or lerobot}")
@@ -112,15 +126,12 @@ def convert(
     )
 
 
-def _axes(words: tuple[str, ...]) -> dict[str, str]:
+def _pairs(option: str, form: str, words: tuple[str, ...]) -> dict[str, str]:
     from paxisim.errors import InvalidValueError
 
-    pairs = {feature: axes for feature, _, axes in (word.rpartition("=") for word in words)}
+    pairs = {name: value for name, _, value in (word.rpartition("=") for word in words)}
     if len(pairs) < len(words) or "" in pairs:
-        raise InvalidValueError(
-            f"--axes must be FEATURE=AXES for different features, e.g. observation.touch=rows,cols,xyz; got "
-            f"{' '.join(words)}"
-        )
+        raise InvalidValueError(f"{option} must be {form}, with different names; got {' '.join(words)}")
     return pairs
 
 

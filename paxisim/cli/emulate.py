@@ -26,6 +26,7 @@ def emulate(
     fault: str = "",
     rate_hz: float | None = None,
     gate: int | None = None,
+    shear_floor: int = 0,
     seed: int = 0,
     seconds: float = math.inf,
 ) -> None:
@@ -57,6 +58,8 @@ def emulate(
         rate_hz: Readings per second; default: the profile's.
         gate: Components smaller than this number of counts read 0.
             Default: 2 on GEN3 boards, as observed on real parts; 0 on all others.
+        shear_floor: Smallest number of counts of x and y on a taxel that is on.
+            A real PaXini S1813E never reads less than 2.
         seed: Random seed of the faults.
         seconds: Duration in seconds.
     """
@@ -74,7 +77,16 @@ def emulate(
     felt = make_signal(signal, chosen)
     if reference is not None:
         felt = _as_unit(felt, reference, chosen)
-    sensor = Emulator(chosen, felt, rate=rate_hz, gate=gate, faults=Faults.parse(fault), link=link, seed=seed)
+    sensor = Emulator(
+        chosen,
+        felt,
+        rate=rate_hz,
+        gate=gate,
+        shear_floor=shear_floor,
+        faults=Faults.parse(fault),
+        link=link,
+        seed=seed,
+    )
     try:
         # leave no dangling link behind, whichever signal ends the process
         with end_signals(system_signals.default_int_handler), sensor:

@@ -98,7 +98,7 @@ def add_streams(
             )
         spans = [(None, slice(None))]
         at = log_times(recording)[0]
-        _check_overlap(path, streams, at)
+        _check_overlap(path, streams, at, has_start="start" in recording.metadata)
     covariates = dict(recording.covariates)
     for name, parts in streams.items():
         shape = next(iter(parts.values())).values.shape[1:]
@@ -156,7 +156,7 @@ def _check_episodes(path: Path, streams: Streams, episode: NDArray[np.int64]) ->
         warnings.warn(f"{path} has no episode {_listed(missing)}; its streams are NaN there", stacklevel=5)
 
 
-def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:
+def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64], has_start: bool) -> None:
     begin = min(int(stream.nanoseconds[0]) for parts in streams.values() for stream in parts.values())
     end = max(int(stream.nanoseconds[-1]) for parts in streams.values() for stream in parts.values())
     if begin > at[-1] or end < at[0]:
@@ -164,6 +164,7 @@ def _check_overlap(path: Path, streams: Streams, at: NDArray[np.int64]) -> None:
             f"{path} does not overlap the recording: it spans {begin * 1e-9:.3f} s to {end * 1e-9:.3f} s, the "
             f"recording {at[0] * 1e-9:.3f} s to {at[-1] * 1e-9:.3f} s; both must use the same clock, Unix time "
             "(s since 1970) for a live recording"
+            + ("" if has_start else "; state when the recording began with start (paxisim convert --start)")
         )
 
 

@@ -47,6 +47,16 @@ def check_fields(given: RecordingArrays) -> RecordingArrays:
     return RecordingArrays(time, measured, simulated, covariates, episode, layout, pads, dict(given.metadata))
 
 
+def check_rate(rate: float) -> None:
+    """Check a number of samples per second.
+
+    Raises:
+        InvalidValueError: It is not above 0, or above 1e6.
+    """
+    if not 0 < rate <= 1e6:
+        raise InvalidValueError(f"rate must be a number of samples a second, above 0 and up to 1e6, got {rate!r}")
+
+
 def numbers(name: str, value: Any, dtype: type) -> NDArray[Any]:
     """Return `value` as an array of the given dtype, with NaN where it is masked; error messages call it `name`.
 

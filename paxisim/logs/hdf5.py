@@ -1,4 +1,4 @@
-"""Demonstrations in the HDF5 files of robosuite and robomimic.
+"""HDF5 files: demonstrations of robosuite and robomimic; those of ACT are in `paxisim.logs.hdf5_act`.
 
 | in ``data/demo_N`` | becomes |
 |---|---|
@@ -20,14 +20,17 @@ from __future__ import annotations
 import json
 import mmap
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.errors import InvalidValueError, MissingExtraError, UnknownNameError
+from paxisim.layout import TaxelLayout
+from paxisim.logs.hdf5_act import is_act, read_act
+from paxisim.logs.hdf5_members import member, most_values, numbers
 from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
@@ -38,11 +41,23 @@ _NOT_SUCH = (OSError, LookupError, RuntimeError, TypeError, ValueError, Attribut
 _SIZES = {"free": (7, 6), "ball": (4, 3)}  # size of a joint in qpos and qvel; other types have one value in each
 
 
-def read_hdf5(path: Path) -> RecordingArrays:
+def read_hdf5(
+    path: Path,
+    axes: Mapping[str, str] | None = None,
+    rate: float | None = None,
+    layout: TaxelLayout | None = None,
+) -> RecordingArrays:
     """Read all demonstrations, with or without a tensor.
 
+    Args:
+        path: The file.
+        axes: Axes of the tactile arrays of ACT, by name; see `paxisim.logs.hdf5_act`.
+        rate: Samples per second, for a file that does not state its times.
+        layout: Layout of the taxels, for arrays of ACT with an axis of taxels.
+
     Raises:
-        InvalidValueError: The file does not have this format, or its demonstrations differ in their contents.
+        InvalidValueError: The file does not have this format, or its demonstrations differ in their contents; or it
+            has no times and there is no `rate`, or it has both.
         MissingExtraError: h5py is not installed.
         FileNotFoundError: The file does not exist.
     """
@@ -53,11 +68,17 @@ def read_hdf5(path: Path) -> RecordingArrays:
     _check_heaps(path)  # and for a missing file, h5py would raise an OSError that does not name it
     try:
         with h5py.File(path, "r") as file:
-            return _read(path, file)
-    except InvalidValueError:
+            if is_act(file):
+                return read_act(path, file, axes or {}, rate, layout)
+            if axes:
+                raise InvalidValueError(f"axes is for the arrays of ACT's files; {path} has demonstrations data/demo_N")
+            return _read(path, file, rate)
+    except (InvalidValueError, UnknownNameError):
         raise
     except _NOT_SUCH as error:
-        raise InvalidValueError(f"{path} is not a complete HDF5 file of robosuite or robomimic: {error}") from error
+        raise InvalidValueError(
+            f"{path} is not a complete HDF5 file of robosuite, robomimic or ACT: {error}"
+        ) from error
 
 
 def _check_heaps(path: Path) -> None:
@@ -83,22 +104,27 @@ def _check_heaps(path: Path) -> None:
                 start = data.find(_HEAP, start + 1)
 
 
-def _read(path: Path, file: Any) -> RecordingArrays:
-    data = _member(path, file, "data")
+def _read(path: Path, file: Any, rate: float | None) -> RecordingArrays:
+    data = member(path, file, "data")
     names = data if hasattr(data, "keys") else ()
-    demos = sorted((int(match[1]), _member(path, data, name)) for name in names if (match := _DEMO.fullmatch(name)))
+    demos = sorted((int(match[1]), member(path, data, name)) for name in names if (match := _DEMO.fullmatch(name)))
     if not demos:
         there = ", ".join(sorted(file)[:5]) or "nothing"
-        raise InvalidValueError(f"{path} has no demonstrations: expected groups data/demo_N, it holds {there}")
+        raise InvalidValueError(
+            f"{path} has no demonstrations: expected groups data/demo_N or observations, it holds {there}"
+        )
     interval = _interval(data)
+    if rate is not None and (interval is not None or member(path, demos[0][1], "states") is not None):
+        raise InvalidValueError(f"{path} has times of its own, so it needs no rate")
+    interval = 1 / rate if rate is not None else interval
     size = 0
     for _, demo in demos:
-        counts = [_member(path, demo, name) for name in ("states", "actions")]
-        obs = _member(path, demo, "obs")
+        counts = [member(path, demo, name) for name in ("states", "actions")]
+        obs = member(path, demo, "obs")
         refuse_streams(path, len(obs) if hasattr(obs, "keys") else 0)
-        counts += [_member(path, obs, name) for name in obs] if hasattr(obs, "keys") else []
+        counts += [member(path, obs, name) for name in obs] if hasattr(obs, "keys") else []
         # as float64, in the demonstration and joined with the others
-        size += 16 * sum(min(one.size, _most_values(one)) for one in counts if _is_read(one))
+        size += 16 * sum(min(one.size, most_values(one)) for one in counts if _is_read(one))
     refuse_unpacked(path, size, most_unpacked(path))
     parts = [_Demo(path, f"{path}: data/demo_{number}", demo, interval) for number, demo in demos]
     for part in parts[1:]:
@@ -117,36 +143,11 @@ def _read(path: Path, file: Any) -> RecordingArrays:
     )
 
 
-def _member(path: Path, group: Any, name: str) -> Any:
-    """Return a group or dataset of the file itself, or None if there is none of this name.
-
-    Raises:
-        InvalidValueError: It is in another file, which may be any file that the user can read.
-    """
-    link = group.get(name, getlink=True)
-    if link is None:
-        return None
-    found = None if hasattr(link, "filename") else group[name]
-    elsewhere = getattr(found, "external", None) or getattr(found, "is_virtual", False)
-    if found is None or elsewhere or found.file != group.file:
-        place = f"{group.name.rstrip('/')}/{name}"
-        raise InvalidValueError(
-            f"{path}: {place[1:]} is not in this file but refers to another one, which may be any file of yours: copy "
-            "its values into the file"
-        )
-    return found
-
-
 def _is_read(dataset: Any) -> bool:
     """Whether a member holds numbers of a kind that is read: vectors, or a tensor."""
     shape = getattr(dataset, "shape", None) or ()
     is_tactile = len(shape) == 5 and shape[2] == 3
     return bool(shape) and getattr(dataset.dtype, "kind", "") in "biuf" and (len(shape) <= 2 or is_tactile)
-
-
-def _most_values(dataset: Any) -> int:
-    """Return how many values a dataset may have; those that are not stored would read as zeros."""
-    return dataset.id.get_storage_size() * 1024
 
 
 class _Demo:
@@ -166,24 +167,26 @@ class _Demo:
         self.scene = _text(group.attrs.get("model_file", ""))
         self.arrays: dict[str, NDArray[Any]] = {}
         self.tactile = ""
-        found = _member(path, group, "states")
+        found = member(path, group, "states")
         self.has_states = found is not None
         if found is not None:
-            states = self._numbers("states", found)
+            states = numbers(place, "states", found)
             if states.ndim != 2 or states.shape[1] < 2:
                 raise InvalidValueError(f"{place}: states must be (T, 1 + nq + nv), got shape {states.shape}")
             self.time = states[:, 0] - states[0, 0]
             self.arrays |= _joints(self.scene, states) or {"states": states}
-        obs = _member(path, group, "obs")
-        self._take("actions", _member(path, group, "actions"))
+        obs = member(path, group, "obs")
+        self._take("actions", member(path, group, "actions"))
         for name in () if obs is None else obs:
-            self._take(name, _member(path, obs, name))
+            self._take(name, member(path, obs, name))
         if not self.arrays:
             raise InvalidValueError(f"{place} has neither states, actions nor obs")
         count = len(next(iter(self.arrays.values())))
         if not self.has_states:
             if interval is None:
-                raise InvalidValueError(f"{place} has no time: expected states, or a control_freq in env_args")
+                raise InvalidValueError(
+                    f"{place} has no time: expected states, or a control_freq in env_args; state it with rate (--rate)"
+                )
             self.time = np.arange(count) * interval
         for key, value in self.arrays.items():
             if len(value) != len(self.time):
@@ -203,12 +206,7 @@ class _Demo:
                 f"{self.place} has two tensors, obs/{self.tactile} and obs/{name}; a recording holds one for all pads"
             )
         self.tactile = name if is_tactile else self.tactile
-        self.arrays[name] = self._numbers(name, dataset)
-
-    def _numbers(self, name: str, dataset: Any) -> NDArray[np.float64]:
-        if dataset.size > _most_values(dataset):
-            raise InvalidValueError(f"{self.place}: {name} has shape {dataset.shape}, but its values are not stored")
-        return np.asarray(dataset[()], dtype=np.float64)
+        self.arrays[name] = numbers(self.place, name, dataset)
 
 
 def _joints(scene: str, states: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

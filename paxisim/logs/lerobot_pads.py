@@ -8,8 +8,9 @@ points in the order of their numbers; its other components are covariates |
 
 The axes of an array come from the first of these that states them:
 
-- The caller, in words of `WORDS`. This also makes pads of a feature with any other name. A vector with two axes is
-  split into them. Without ``xyz`` each taxel has one value, which becomes z; x and y are NaN, i.e. unknown.
+- The caller, in words of `paxisim.logs.axes.WORDS`. This also makes pads of a feature with any other name. A vector
+  with two axes is split into them. Without ``xyz`` each taxel has one value, which becomes z; x and y are NaN, i.e.
+  unknown.
 - The names of the axes in the feature's ``names``, e.g. ``["row", "column", "axis"]``.
 - Its shape, if exactly one of ``(N, 3)``, ``(3, N)``, ``(rows, cols, 3)``, ``(3, rows, cols)``,
   ``(pads, rows, cols, 3)`` and ``(pads, 3, rows, cols)`` fits.
@@ -30,11 +31,10 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.axes import FORMS, OFFERED, Axes, are_axes, fits, given_axes, on_grid, tensor_of
 from paxisim.logs.lerobot_features import PREFIXES
 from paxisim.logs.lerobot_meta import INDICES, Meta, read_meta
 
-WORDS = ("pads", "xyz", "rows", "cols", "taxels")
-"""Names of axes: those of the tensor in its order, and ``taxels`` in place of rows and columns."""
 _SYNONYMS = {
     "pads": "pad pads finger fingers",
     "xyz": "xyz axis axes component components channel channels",
@@ -43,17 +43,7 @@ _SYNONYMS = {
     "taxels": "taxel taxels point points",
 }
 _NAMES = {name: word for word, names in _SYNONYMS.items() for name in names.split()}
-_FORMS = (
-    *(("taxels", "xyz"), ("xyz", "taxels"), ("rows", "cols", "xyz"), ("xyz", "rows", "cols")),
-    *(("pads", "xyz", "rows", "cols"), ("pads", "rows", "cols", "xyz")),
-)
-_OFFERED = (  # in messages; never assumed
-    *(("pads", "taxels", "xyz"), ("pads", "xyz", "taxels")),
-    *(("taxels",), ("rows", "cols"), ("pads", "taxels"), ("pads", "rows", "cols")),
-)
 _TAXEL = re.compile(r"(?:(.+)\.)?f(\d{1,9})\.p(\d{1,9})\.f([xyz])")
-
-Axes = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -103,7 +93,7 @@ def tactile_arrays(
     for name in given:
         if name not in features:
             raise UnknownNameError("feature", name, features)
-    found = {name: _given(meta, name, text) for name, text in given.items()}
+    found = {name: given_axes(name, meta.features[name]["shape"], text) for name, text in given.items()}
     unclear = []
     for name in features:
         if name in found or not _is_tactile(meta, name):
@@ -140,13 +130,13 @@ def pads_of_array(meta: Meta, feature: str, values: NDArray[Any], axes: Axes, la
     stated, unit = (info.get(name) for name in ("layout", "unit"))
     if not isinstance(unit, str | None):
         raise InvalidValueError(f"{meta.path}: the unit of {feature} must be a string such as N, got {unit!r:.80}")
-    tensor, name = _tensor(values, axes), _pad_name(meta, feature)
+    tensor, name = tensor_of(values, axes), _pad_name(meta, feature)
     pads = tuple(f"{name}{i}" for i in range(tensor.shape[1])) if "pads" in axes else (name,)
     try:
         stated = None if stated is None else _layout(stated, tensor.shape[-2:])
     except InvalidValueError as error:
         raise InvalidValueError(f"{meta.path}: the layout of {feature}: {error}") from error
-    tensor = _on_grid(tensor, layout) if "taxels" in axes else tensor
+    tensor = on_grid(tensor, layout) if "taxels" in axes else tensor
     return Pads(feature, _stream(meta, feature), pads, tensor, unit, stated)
 
 
@@ -179,7 +169,7 @@ def pads_of_components(meta: Meta, features: Mapping[str, NDArray[Any]], layout:
     for prefix, finger in sorted(fingers):
         pad = f"{prefix}.f{finger}".removeprefix(".")
         points = _points(meta, pad, fingers[prefix, finger])
-        found.append(Pads(pad, "measured", (pad,), _on_grid(_tensor(points, ("taxels", "xyz")), layout)))
+        found.append(Pads(pad, "measured", (pad,), on_grid(tensor_of(points, ("taxels", "xyz")), layout)))
     return found
 
 
@@ -228,75 +218,21 @@ def _is_tactile(meta: Meta, name: str) -> bool:
     return is_named and 1 <= len(shape) <= 4 and shape != [1] and not has_components
 
 
-def _given(meta: Meta, name: str, text: str) -> Axes:
-    axes = tuple(text.split(",")) if isinstance(text, str) else ()
-    shape = meta.features[name]["shape"]
-    if not _are_axes(axes):
-        raise InvalidValueError(
-            f"the axes of {name} must be rows,cols or taxels, with xyz and pads where the array has them, in its "
-            f"order, e.g. rows,cols,xyz; got {text!r}"
-        )
-    if not _fits(axes, shape):
-        raise InvalidValueError(
-            f"the axes {text} do not fit {name} of shape {shape}: expected one word for each axis and 3 values along "
-            "xyz; only a vector can be split, into taxels,xyz or xyz,taxels"
-        )
-    return axes
-
-
 def _told(meta: Meta, name: str) -> Axes | None:
     """Return the axes that the names or the shape of an array tell, or None."""
     shape, names = meta.features[name]["shape"], tuple(_NAMES.get(word.lower(), "") for word in meta.names(name))
     if any(names):  # names that are understood in part might contradict what the shape suggests
-        return names if _are_axes(names) and "xyz" in names and _fits(names, shape) else None
-    possible = [axes for axes in _FORMS if _fits(axes, shape)]
+        return names if are_axes(names) and "xyz" in names and fits(names, shape) else None
+    possible = [axes for axes in FORMS if fits(axes, shape)]
     return possible[0] if len(possible) == 1 else None
 
 
 def _choices(meta: Meta, name: str) -> list[Axes]:
     """Return the axes that an array may have, for a message."""
     shape = meta.features[name]["shape"]
-    found = [axes for axes in (*_FORMS, *_OFFERED) if _fits(axes, shape)]
+    found = [axes for axes in (*FORMS, *OFFERED) if fits(axes, shape)]
     with_xyz = [axes for axes in found if "xyz" in axes]
     return with_xyz if with_xyz and len(shape) > 1 else found
-
-
-def _are_axes(axes: Axes) -> bool:
-    rest = sorted(set(axes) - {"pads", "xyz"})
-    return rest in (["cols", "rows"], ["taxels"]) and len(set(axes)) == len(axes)
-
-
-def _fits(axes: Axes, shape: Sequence[int]) -> bool:
-    if len(shape) == 1 and len(axes) == 2 and "xyz" in axes:
-        return shape[0] % 3 == 0
-    return len(axes) == len(shape) and ("xyz" not in axes or shape[axes.index("xyz")] == 3)
-
-
-def _tensor(values: NDArray[Any], axes: Axes) -> NDArray[np.float32]:
-    """Return ``(T, pads, 3, rows, cols)``, with the taxels of an axis ``taxels`` in one row."""
-    if len(axes) == 2 and "xyz" in axes:
-        values = values.reshape(len(values), *(3 if axis == "xyz" else -1 for axis in axes))
-    elif len(axes) == 1:
-        values = values.reshape(len(values), -1)
-    own = ["cols" if axis == "taxels" else axis for axis in axes]
-    there = [axis for axis in WORDS if axis in own]
-    tensor = values.transpose(0, *(1 + own.index(axis) for axis in there))
-    tensor = np.expand_dims(tensor, [1 + i for i, axis in enumerate(WORDS[:4]) if axis not in own])
-    tensor = tensor.astype(np.float32, copy=False)
-    if "xyz" in axes:
-        return tensor
-    pads, _, rows, cols = tensor.shape[1:]
-    full = np.full((len(tensor), pads, 3, rows, cols), np.nan, np.float32)
-    full[:, :, 2:] = tensor
-    return full
-
-
-def _on_grid(tensor: NDArray[np.float32], layout: TaxelLayout | None) -> NDArray[np.float32]:
-    """Return taxels that are in one row, in the vendor's order, on the grid of a layout of as many taxels."""
-    if layout is None or layout.taxels != tensor.shape[-1]:
-        return tensor  # if the number of taxels differs, the check of the whole recording refuses it
-    flat = tensor[:, :, :, 0].swapaxes(2, 3).reshape(*tensor.shape[:2], -1)
-    return layout.from_flat(flat)
 
 
 def _layout(document: Any, grid: tuple[int, ...]) -> TaxelLayout:

@@ -2,6 +2,9 @@
 
 Keys: ``time``, ``measured``, ``simulated``, ``episode``, ``covariate/NAME`` as in `paxisim.Recording`, and ``about``, a
 JSON text with the layout, the pads' names and the metadata. Only ``time`` and a tensor are required.
+
+An archive of another program is read if the caller states which of its arrays these are. A tensor may then have other
+axes, in words of `paxisim.logs.axes.WORDS`, and the rate may take the place of ``time``.
 """
 
 from __future__ import annotations
@@ -19,10 +22,12 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.files import whole_file
+from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 from paxisim.logs.about import about_text, read_about
+from paxisim.logs.axes import given_axes, on_grid, tensor_of
 from paxisim.logs.limits import most_unpacked, refuse_unpacked
 from paxisim.logs.recording_arrays import RecordingArrays
 
@@ -63,19 +68,33 @@ def write_npz(path: Path, recording: RecordingArrays) -> None:
         np.savez(file, about=np.array(text), **arrays)
 
 
-def read_npz(path: Path) -> RecordingArrays:
-    """Read what `write_npz` wrote, or an archive with the same keys.
+def read_npz(
+    path: Path,
+    names: Mapping[str, str] | None = None,
+    axes: Mapping[str, str] | None = None,
+    rate: float | None = None,
+    layout: TaxelLayout | None = None,
+) -> RecordingArrays:
+    """Read what `write_npz` wrote, or an archive with the same keys or others.
+
+    Args:
+        path: The file.
+        names: Key in the archive of ``time``, ``measured``, ``simulated``, ``episode`` or a covariate.
+        axes: Axes of a tensor by its key in the archive; default: those of `RecordingArrays`.
+        rate: Samples per second, for an archive without times.
+        layout: Layout of the taxels of a tensor with an axis of taxels.
 
     Raises:
-        InvalidValueError: The file is not an npz file, is damaged, or lacks time or a tensor.
+        InvalidValueError: The file is not an npz file, is damaged, or lacks time or a tensor; or the axes do not fit.
+        UnknownNameError: There is no array of a stated name.
     """
     with open(path, "rb") as file:
         try:
             with np.load(file, allow_pickle=False) as archive:
                 _check_sizes(path, archive.zip)
                 # uses the names in the zip, because numpy accepts both "a" and "a.npy" for the array "a"
-                names = archive.zip.namelist()
-                arrays: dict[str, Any] = {name.removesuffix(".npy"): archive[name] for name in names}
+                members = archive.zip.namelist()
+                arrays: dict[str, Any] = {name.removesuffix(".npy"): archive[name] for name in members}
             plain = [name for name, values in arrays.items() if not isinstance(values, np.ndarray)]
             if plain:
                 raise ValueError(f"{plain[0]!r} is not an array")
@@ -84,9 +103,18 @@ def read_npz(path: Path) -> RecordingArrays:
             raise
         except _NOT_WHOLE as error:
             raise InvalidValueError(f"{path} is not a complete npz file: {error}") from error
+    arrays = _renamed(path, arrays, names or {}, axes or {}, layout)
+    if rate is not None:
+        if "time" in arrays:
+            raise InvalidValueError(f"{path} has times of its own, so it needs no rate")
+        tensor = arrays.get("measured", arrays.get("simulated"))
+        arrays["time"] = np.arange(len(tensor) if tensor is not None and tensor.ndim else 0) / rate
     if "time" not in arrays or not {"measured", "simulated"} & arrays.keys():
         found = ", ".join(arrays) or "nothing"
-        raise InvalidValueError(f"{path} must hold 'time' and 'measured' or 'simulated' (or both), got {found}")
+        raise InvalidValueError(
+            f"{path} must hold 'time' and 'measured' or 'simulated' (or both), got {found}; say which they "
+            "are with names (paxisim convert --names measured=KEY), and the samples per second with rate (--rate)"
+        )
     _refuse_infinite(arrays, f"{path}: ")
     return RecordingArrays(
         **{name: arrays[name] for name in _ARRAYS if name in arrays},
@@ -97,6 +125,23 @@ def read_npz(path: Path) -> RecordingArrays:
         },
         **read_about(path, about),
     )
+
+
+def _renamed(
+    path: Path, arrays: dict[str, Any], names: Mapping[str, str], axes: Mapping[str, str], layout: TaxelLayout | None
+) -> dict[str, Any]:
+    """Return the arrays by the keys of a recording; a tensor whose axes are given has those of one."""
+    for key in (*names.values(), *axes):
+        if key not in arrays:
+            raise UnknownNameError("array", key, arrays)
+    for key, text in axes.items():
+        if arrays[key].dtype.kind not in "biuf":
+            raise InvalidValueError(f"{path}: {key} must be an array of numbers, got dtype {arrays[key].dtype}")
+        own = given_axes(key, arrays[key].shape[1:], text)
+        tensor = tensor_of(arrays[key], own)
+        arrays[key] = on_grid(tensor, layout) if "taxels" in own else tensor
+    kept = {key: values for key, values in arrays.items() if key not in names.values()}
+    return kept | {name if name in _ARRAYS else schemas.COVARIATE + name: arrays[key] for name, key in names.items()}
 
 
 def _check_sizes(path: Path, archive: zipfile.ZipFile) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
-from paxisim.logs.checks import numbers
+from paxisim.logs.checks import check_rate, numbers
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import check_max_gap, methods_by_name, resample
 from paxisim.logs.stream import Stream
@@ -21,8 +21,7 @@ def at_rate(
     recording: RecordingArrays, rate: float, method: Method | Mapping[str, Method], max_gap: float | None
 ) -> RecordingArrays:
     """Resample a recording; see `paxisim.Recording.resample`. Its episode numbers must be set."""
-    if not 0 < rate <= 1e6:
-        raise InvalidValueError(f"rate must be a number of samples a second, above 0 and up to 1e6, got {rate!r}")
+    check_rate(rate)
     check_max_gap(max_gap)
     assert recording.episode is not None
     streams: dict[str, NDArray[Any]] = {

@@ -61,6 +61,9 @@ ONE_SIDED = Saturation(limit_high=(2.0, math.inf, math.inf), softness=1.0)
         (Firmware(), (99, -99, 99), (12.7, -12.8, 25.5)),
         (Firmware(), (0, 0, -7), (0, 0, 0)),  # no tension
         (Firmware(gate_counts=0), (0.14, -0.14, 0.1), (0.1, -0.1, 0.1)),
+        (Firmware(shear_floor_counts=2), (0.04, -0.14, 0.2), (0.2, -0.2, 0.2)),  # on: shear of two counts or more
+        (Firmware(shear_floor_counts=2), (0, -0.34, 3.0), (0.2, -0.3, 3.0)),
+        (Firmware(shear_floor_counts=2), (0.5, -0.5, 0.1), (0, 0, 0)),  # off, like its normal force
     ],
     ids=lambda value: getattr(value, "name", None),
 )

@@ -129,6 +129,7 @@ BAD = {
         ("--rate-hz 0", "rate must be"),
         ("--rate-hz nan", "rate must be"),
         ("--gate -2", "gate must be"),
+        ("--shear-floor 200", "shear_floor must be from 0 to 127 counts, got 200"),
         ("--seed -1", "seed"),
         ("--seconds nan", "--seconds must be"),
         ("--link no/such/folder/pad", "folder does not exist"),

@@ -53,6 +53,18 @@ def expected_bytes(profile, pad):
 # ---- from forces to counts, as in the firmware
 
 
+def test_a_taxel_that_is_on_has_shear_if_asked():
+    chosen = profile()
+    force = np.zeros((len(chosen.slots), *chosen.wire_layout.shape))
+    force[:, :2] = [[[[0.5]], [[-0.04]]]]
+    force[:, 2, 0, 0] = 0.3  # the others are off
+    counts = EmulatedPads(chosen, lambda now: force, gate=2, shear_floor=2).counts(0).reshape(-1, 3)
+    on = counts[:, 2] != 0
+    assert on.sum() == len(chosen.slots)
+    assert sorted(np.abs(counts[on][0]).tolist()) == [2, 3, 5]
+    assert not counts[~on].any()
+
+
 def test_small_counts_are_gated_if_asked():
     one_count = np.full((1, 3, 3, 3), 0.1)
     assert np.all(EmulatedPads(profile(), lambda now: one_count).counts(0) == 1)

@@ -166,6 +166,8 @@ def test_firmware_clips_rounds_and_gates():
     small = np.array([0.14, -0.16, 0.24]).reshape(1, 3, 1, 1)
     assert profile.to_counts(small).tolist() == [[[1, -2, 2]]]
     assert profile.to_counts(small, gate=2).tolist() == [[[0, -2, 2]]]
+    assert profile.to_counts(small, gate=2, shear_floor=3).tolist() == [[[3, -3, 2]]]
+    assert profile.to_counts(small * [[[1]], [[1]], [[0]]], gate=2, shear_floor=3).tolist() == [[[0, 0, 0]]]
 
 
 def test_pooling_conserves_force_and_gives_the_pooled_layout():

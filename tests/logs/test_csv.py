@@ -169,7 +169,7 @@ WRONG = [
     (PLAIN, "0.5", "half", "line 2, column 'opening': 'half' is not a number"),
     (PLAIN, "0_0.z", "99999999_99999999.z", r"no column .*, because there is tactile\.left\.99999999_99999999\.z"),
     (PLAIN, "opening", "a.99999999_99999999", r"the column 'a\.99999999_99999999' makes 'a' an array"),
-    (PLAIN, ",", ";", "expected columns separated by commas, got semicolons"),
+    (PLAIN, ",", "|", "expected columns separated by commas, semicolons or tabs"),
     (PLAIN, "opening", "\xe9", "expected a CSV file in UTF-8, got the byte 0xe9 after"),
     (PLAIN, "\n0.1,", "\n1e300,", "line 3, column 'time': a time must be in seconds and not .*2262, got 1e.300"),
     (PLAIN, "0.5", "inf", "line 2, column 'opening': a number must be finite"),

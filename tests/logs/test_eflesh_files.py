@@ -75,7 +75,7 @@ def test_other_files_are_refused(tmp_path):
     dead[:, 4] = -1
     for wrong, word in (
         ((sensor[:, :-1], states), "every row must hold a time and x, y, z of each magnetometer"),
-        ((sensor, states[:, :-1]), "every row must hold time, x, y, z and force"),
+        ((sensor, states[:, :-2]), "every row must hold time, x, y, z and, with a load cell, force, got 3"),
         ((sensor, dead), "the load cell has no readings"),
         ((sensor[::-1], states), "time decreases in line 2"),
         ((sensor * np.nan, states), "line 1 is not finite"),

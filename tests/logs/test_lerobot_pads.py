@@ -169,8 +169,11 @@ def test_axes_in_the_shell(tmp_path, monkeypatch, capsys):
     convert = ["convert", "set", "a.npz"]
     for words, said in (
         ([], "got observation.touch [15], observation.state [2]; choose one with axes (paxisim convert --axes"),
-        (["--axes", "rows,cols,xyz"], "--axes must be FEATURE=AXES for different features"),
-        (["--axes", f"{TOUCH}=taxels", f"{TOUCH}=taxels,xyz"], "for different features"),
+        (
+            ["--axes", "rows,cols,xyz"],
+            "--axes must be FEATURE=AXES, e.g. observation.touch=rows,cols,xyz, with",
+        ),
+        (["--axes", f"{TOUCH}=taxels", f"{TOUCH}=taxels,xyz"], "with different names"),
         (["--axes", "observation.tuch=taxels"], "unknown feature 'observation.tuch'; did you mean 'observation.touch'"),
         (["--axes", f"{TOUCH}=row,col"], "must be rows,cols or taxels, with xyz and pads"),
         (["--axes", f"{TOUCH}=rows,xyz"], "must be rows,cols or taxels, with xyz and pads"),
@@ -187,7 +190,7 @@ def test_axes_in_the_shell(tmp_path, monkeypatch, capsys):
     assert "1 pad of 1x5 taxels" in capsys.readouterr().out
     assert Recording.load("a.npz").pads == ("touch",)
     assert main(["convert", "a.npz", "b.npz", "--axes", f"{TOUCH}=taxels,xyz"]) == 2
-    assert "axes is for the features of a LeRobotDataset; a.npz has no features" in capsys.readouterr().err
+    assert "unknown array 'observation.touch'" in capsys.readouterr().err
     for axes in ({TOUCH: ("taxels", "xyz")}, "taxels,xyz"):
         refused(tmp_path / "set", "axes", axes=axes)
     with pytest.raises(UnknownNameError, match="unknown feature"):

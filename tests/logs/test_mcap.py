@@ -138,7 +138,7 @@ def test_what_a_pad_in_error_says_is_not_known(tmp_path):
 def test_foreign_files_are_told_apart(tmp_path):
     path = tmp_path / "a.mcap"
     write_json(path, [("/camera", 1, {})])
-    refused(path, r"not a recording of paxisim.*\(its topics: /camera\)")
+    refused(path, r"has no numeric stream.*its topics are: /camera")
     write_json(path, [], {"format": "paxisim-recording/9"})
     refused(path, "of format 'paxisim-recording/9'")
     for content, word in (

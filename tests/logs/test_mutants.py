@@ -6,6 +6,7 @@ file (bytes). At the first other error, it prints the number of the mutant and e
 """
 
 import io
+import itertools
 import json
 import random
 import re
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import warnings
 import zipfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +29,10 @@ from paxisim.errors import PaxisimError
 from paxisim.hw.profiles.load import load_profile
 from paxisim.hw.profiles.profile import Profile
 from paxisim.logs.lerobot_writer import write_lerobot
-from paxisim.logs.mcap_joints import read_joints
 from paxisim.logs.mcap_reader import is_recording
+from paxisim.logs.mcap_topics import read_topics
 from paxisim.logs.parquet import write_parquet
+from paxisim.logs.topic_streams import TopicStreams
 
 TESTS = Path(__file__).parents[1]
 sys.path += [str(TESTS), str(TESTS / "diagnose")]
@@ -128,7 +131,7 @@ def mcap_mutant(bases: list[bytes], rng: random.Random) -> bytes:
 
 def read_mcap(path: Path) -> object:
     """Load a file as a recording if it claims to be one, else as streams to add."""
-    return paxisim.Recording.load(path) if is_recording(path) else read_joints(path)
+    return paxisim.Recording.load(path) if is_recording(path) else read_topics(path)
 
 
 def npz_bases(folder: Path) -> list[bytes]:
@@ -256,8 +259,17 @@ def parquet_bases(folder: Path) -> list[bytes]:
     return [(folder / "base.parquet").read_bytes()]
 
 
-def bag_bases(folder: Path) -> list[bytes]:
-    """Return a ROS 2 recording of joint states."""
+def bag_bases(folder: Path, kind: str) -> list[bytes]:
+    """Return a bag of ROS with XELA's topic and joint states."""
+    from bag_files import write_bag
+    from test_ros_bags import path_of, xela
+
+    path = write_bag(path_of(folder, kind), kind, lambda build: itertools.islice(xela()(build), 15))
+    return [(next(path.glob("*.db3")) if path.is_dir() else path).read_bytes()]
+
+
+def joint_bases(folder: Path) -> list[bytes]:
+    """Return a ROS 2 recording of joint states in MCAP."""
     states = [(10**9 + i, joint_state(10**9 + i, ["a", "b"], [1.0, i], effort=[1.0, 2.0])) for i in range(4)]
     messages = [("/joints", at, state) for at, state in states]
     write_ros2(folder / "base.mcap", messages, compression=CompressionType.NONE, enable_crcs=False)
@@ -288,10 +300,12 @@ def read_diagnosis(path: Path) -> object:
 FORMATS = {
     "hdf5": (hdf5_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
     "parquet": (parquet_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
-    "bag": (bag_bases, any_mutant, read_joints, dict),
+    "joints": (joint_bases, any_mutant, read_topics, TopicStreams),
+    "bag": (partial(bag_bases, kind="bag"), any_mutant, paxisim.Recording.load, paxisim.Recording),
+    "db3": (partial(bag_bases, kind="sqlite"), any_mutant, paxisim.Recording.load, paxisim.Recording),
     "calibration": (calibration_bases, any_mutant, paxisim.Calibration.load, paxisim.Calibration),
     "diagnosis": (diagnosis_bases, any_mutant, read_diagnosis, paxisim.diagnose.Diagnosis),
-    "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, dict)),
+    "mcap": (mcap_bases, mcap_mutant, read_mcap, (paxisim.Recording, TopicStreams)),
     "npz": (npz_bases, npz_mutant, paxisim.Recording.load, paxisim.Recording),
     "lerobot": (lerobot_bases, lerobot_mutant, read_lerobot, paxisim.Recording),
     "csv": (csv_bases, any_mutant, paxisim.Recording.load, paxisim.Recording),
@@ -330,8 +344,15 @@ def run(name: str, count: int, seed: int, folder: Path) -> dict[str, int]:
     return {"good": good, "bad": count - good, "grown": peak() - before, "largest": largest}
 
 
-NEEDS = {"lerobot": "pyarrow.parquet", "parquet": "pyarrow.parquet", "hdf5": "h5py", "bag": "mcap_ros2"}
-SLOW_TO_READ = ("hdf5", "parquet", "bag", "calibration", "diagnosis")
+NEEDS = {
+    "lerobot": "pyarrow.parquet",
+    "parquet": "pyarrow.parquet",
+    "hdf5": "h5py",
+    "joints": "mcap_ros2",
+    "bag": "rosbags",
+    "db3": "rosbags",
+}
+SLOW_TO_READ = ("hdf5", "parquet", "joints", "bag", "db3", "calibration", "diagnosis")
 MEBIBYTE = 1 << 20
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from log_files import recording
 
+from paxisim.cli import main
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -54,3 +55,34 @@ def test_a_damaged_archive_is_called_so(tmp_path):
         path.write_bytes(content)
         with pytest.raises(InvalidValueError, match="not a complete npz file"):
             Recording.load(path)
+
+
+def test_an_archive_of_another_program(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    force = np.random.default_rng(0).normal(size=(20, 4, 5, 3)).astype(np.float32)
+    np.savez("a.npz", t=np.arange(20) * 0.1, forces=force, width=np.arange(20.0), note=np.array("text"))
+    words = ["convert", "a.npz", "b.npz", "--names", "measured=forces", "opening=width"]
+    axes = ["--axes", "forces=rows,cols,xyz"]
+    assert main([*words, "time=t", *axes]) == 0
+    loaded = Recording.load("b.npz")
+    np.testing.assert_array_equal(loaded.measured[:, 0], force.transpose(0, 3, 1, 2))
+    np.testing.assert_array_equal(loaded.time, np.arange(20) * 0.1)
+    np.testing.assert_array_equal(loaded.covariates["opening"], np.arange(20))
+    assert main([*words, "--rate", "50", *axes, "--force"]) == 0
+    np.testing.assert_allclose(Recording.load("b.npz").time, np.arange(20) / 50)
+    capsys.readouterr()
+    for more, word in (
+        ([], "say which they are with names (paxisim convert --names measured=KEY)"),
+        (["time=t", "--rate", "50"], "has times of its own, so it needs no rate"),
+        (["time=stamps"], "unknown array 'stamps'"),
+        (["time=t"], "a.npz: measured must have shape (T, pads, 3, rows, cols), got (20, 4, 5, 3)"),
+        (["time=t", "--axes", "forces=rows,cols"], "the axes rows,cols do not fit forces"),
+        (["time"], "--names must be NAME=KEY, e.g. measured=tactile, with different names"),
+    ):
+        assert main([*words, *more, "--force"]) == 2
+        said = capsys.readouterr().err
+        assert word in said
+        assert said.count("\n") == 1
+    (tmp_path / "a.csv").write_text("time\n")
+    assert main(["convert", "a.csv", "b.npz", "--names", "time=t", "--force"]) == 2
+    assert "names is for the arrays of an npz file" in capsys.readouterr().err

@@ -181,7 +181,7 @@ def test_a_suffix_or_file_that_is_none(tmp_path):
     with pytest.raises(InvalidValueError, match=r"saved as \.mcap or \.npz"):
         recording().save(tmp_path / "a.h5")
     with pytest.raises(InvalidValueError, match=r"\.csv, \.npz, \.parquet, \.hdf5 or \.mcap"):
-        Recording.load(tmp_path / "a.txt")
+        Recording.load(tmp_path / "a.doc")
     for name in ("a.mcap", "a.npz", "a.csv", "a.parquet"):
         with pytest.raises(FileNotFoundError):
             Recording.load(tmp_path / name)

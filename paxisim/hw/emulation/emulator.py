@@ -76,6 +76,7 @@ class Emulator:
         *,
         rate: float | None = None,
         gate: int | None = None,
+        shear_floor: int = 0,
         faults: Faults | None = None,
         link: str | os.PathLike[str] | None = None,
         seed: int = 0,
@@ -94,6 +95,8 @@ class Emulator:
                 measures on each request.
             gate: Components below this number of counts read 0. Default: 2 on GEN3 boards, as observed on real parts;
                 0 on the others, for which no source states one.
+            shear_floor: Smallest magnitude of x and y on a taxel that is on, in counts, as of 2 on a real S1813E; 0 for
+                none.
             faults: Faults of the line; default: none.
             link: Path of a symbolic link to the port. The link keeps its name when the port changes: after replugging,
                 the port is another pseudo-terminal. There is no link while the emulator is unplugged.
@@ -115,7 +118,8 @@ class Emulator:
         self._rate = (rate or self.profile.rate) if pace else None
         if gate is None:
             gate = emulated_class(self.profile.family).gate
-        self._signal, self._gate, self._resultant, self._pace = signal, gate, resultant, pace
+        self._signal, self._gate, self._shear_floor = signal, gate, shear_floor
+        self._resultant, self._pace = resultant, pace
         self._faults = Faults() if faults is None else faults
         self._faulty = FaultyLine(self._faults, seed)
         self._link = None if link is None else Path(link)
@@ -236,7 +240,14 @@ class Emulator:
     def _power_on(self) -> EmulatedBoard:
         # a stream has the rate of its messages, each of which holds a new measurement
         rate = self._rate if emulated_class(self.profile.family).stream_rate is None else None
-        pads = EmulatedPads(self.profile, self._signal, rate=rate, gate=self._gate, resultant=self._resultant)
+        pads = EmulatedPads(
+            self.profile,
+            self._signal,
+            rate=rate,
+            gate=self._gate,
+            shear_floor=self._shear_floor,
+            resultant=self._resultant,
+        )
         return make_board(pads, self._rate, self._pace, self._faulty)
 
     def _serve(self) -> None:

@@ -37,6 +37,7 @@ class EmulatedPads:
         *,
         rate: float | None = None,
         gate: int = 0,
+        shear_floor: int = 0,
         resultant: Resultant | None = None,
     ) -> None:
         """Evaluate the signal once to check it.
@@ -46,20 +47,22 @@ class EmulatedPads:
             signal: The forces on the pads.
             rate: Measurement rate (Hz); None: one measurement for every distinct time requested.
             gate: Threshold in counts below which components read 0.
+            shear_floor: Smallest magnitude of x and y on a taxel that is on, in counts; 0 for none. See `Firmware`.
             resultant: Function that computes the total reported for each pad. Default: the sum over the taxels, clipped
                 to the range of the three bytes. No source states how a real board computes its total; it is not the
                 sum.
 
         Raises:
             InvalidValueError: The signal fails, is not finite or does not have the shape of the profile's pads, or
-                `rate` or `gate` is out of range.
+                `rate`, `gate` or `shear_floor` is out of range.
         """
         if rate is not None and not rate > 0:
             raise InvalidValueError(f"rate must be a positive number of Hz, got {rate!r}")
-        if not 0 <= gate <= 127:
-            raise InvalidValueError(f"gate must be from 0 to 127 counts, got {gate!r}")
+        for name, counts in (("gate", gate), ("shear_floor", shear_floor)):
+            if not 0 <= counts <= 127:
+                raise InvalidValueError(f"{name} must be from 0 to 127 counts, got {counts!r}")
         self.profile = profile
-        self._signal, self._rate, self._gate = signal, rate, gate
+        self._signal, self._rate, self._gate, self._shear_floor = signal, rate, gate, shear_floor
         self._resultant = clipped_sum if resultant is None else resultant
         self._zero = np.zeros((len(profile.slots), *profile.wire_layout.shape))
         self._measured_at: float | None = None
@@ -91,7 +94,7 @@ class EmulatedPads:
     def _measure(self, now: float) -> None:
         at = now if self._rate is None else np.floor(now * self._rate) / self._rate
         if at != self._measured_at:
-            self._counts = self.profile.to_counts(self._force(at) - self._zero, self._gate)
+            self._counts = self.profile.to_counts(self._force(at) - self._zero, self._gate, self._shear_floor)
             self._measured_at = at
 
     def _force(self, now: float) -> NDArray[np.floating]:

@@ -163,12 +163,13 @@ class Profile:
         wire_axis = [_AXES.index(axis[1]) for axis in self.axes]
         return self._scaled(np.asarray(counts)[..., wire_axis] * self._signs)
 
-    def to_counts(self, force: NDArray[np.floating], gate: int = 0) -> NDArray[Any]:
+    def to_counts(self, force: NDArray[np.floating], gate: int = 0, shear_floor: int = 0) -> NDArray[Any]:
         """Convert ``(..., 3, rows, cols)`` newtons of the **wire** layout to ``(..., N, 3)`` counts, as firmware does.
 
         Components below `gate` counts are set to 0. If the family's counts are whole numbers, the result is int16,
         rounded and clipped to the family's range; otherwise it is float32. Apart from that, this is the inverse of
-        `to_force` without pooling.
+        `to_force` without pooling. With a `shear_floor`, for whole numbers, a taxel whose z is 0 reads 0, and x and y
+        of any other have at least this magnitude, with the sign of the force.
 
         Raises:
             InvalidValueError: `force` has another shape.
@@ -181,8 +182,12 @@ class Profile:
         limits = FAMILIES[self.family].counts
         if limits is None:
             return np.where(np.abs(counts) < gate, 0, counts).astype(np.float32)
-        counts = np.rint(counts)
+        unrounded, counts = counts, np.rint(counts)
         counts[np.abs(counts) < gate] = 0
+        if shear_floor:
+            shear, is_on = counts[..., :2], counts[..., 2:] > 0
+            raised = np.where(unrounded[..., :2] < 0, -shear_floor, shear_floor)
+            counts[..., :2] = np.where(is_on, np.where(np.abs(shear) < shear_floor, raised, shear), 0)
         return np.clip(counts, *limits).astype(np.int16)
 
     def warn_unverified(self) -> None:
