@@ -6,8 +6,9 @@ to each grasp, and an object that the simulated hand lost begins the next grasp 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 from paxisim.scene.closing import FittedClosing, fit_closing
 from paxisim.scene.doubt import find_doubts, find_grasps, held
+from paxisim.scene.drive import Drive
 from paxisim.scene.follow import Follower
 from paxisim.scene.shape import fit_shape
 
@@ -38,13 +40,19 @@ class Grasped:
     notes: tuple[str, ...]
 
 
-def by_grasp(follower: Follower, part: Recording, closings: Sequence[float] | None) -> Grasped:
+def by_grasp(
+    follower: Follower,
+    part: Recording,
+    closings: Sequence[float] | None,
+    shifts: Mapping[Drive, float] = MappingProxyType({}),
+) -> Grasped:
     """Simulate an episode grasp by grasp, each from the end of the one before.
 
     Args:
         follower: The scene and its streams.
         part: The samples of the episode at which all streams are known, with measured forces.
         closings: Constant to add to the closing stream in each grasp; None to fit it.
+        shifts: Further shifts of single drives, in SI units of their targets.
 
     Raises:
         InvalidValueError: No closing could be fitted to any grasp, or `closings` has another number of grasps.
@@ -63,7 +71,7 @@ def by_grasp(follower: Follower, part: Recording, closings: Sequence[float] | No
     for k, span in enumerate(grasps):
         # a grasp ends with the first sample of the next one, which continues from there
         new = slice(span.start + (k > 0), min(span.stop + 1, len(part)))
-        grasp = _Grasp(follower, part, slice(span.start, new.stop), state)
+        grasp = _Grasp(follower, part, slice(span.start, new.stop), state, shifts)
         before = found[-1] if found else 0.0
         try:
             fitted = grasp.fitted() if closings is None else FittedClosing(closings[k], grasp.simulated(closings[k]))
@@ -83,16 +91,27 @@ def by_grasp(follower: Follower, part: Recording, closings: Sequence[float] | No
 class _Grasp:
     """One grasp, which can be simulated with different closings."""
 
-    def __init__(self, follower: Follower, part: Recording, span: slice, start: NDArray[np.float64] | None) -> None:
-        self._follower, self._episode, self._part, self._start = follower, part, part[span], start
+    def __init__(
+        self,
+        follower: Follower,
+        episode: Recording,
+        span: slice,
+        start: NDArray[np.float64] | None,
+        shifts: Mapping[Drive, float],
+    ) -> None:
+        self._follower, self._episode, self._part = follower, episode, episode[span]
+        self._start, self._shifts = start, shifts
         self._ends: dict[float, NDArray[np.float64]] = {}
 
     def simulated(self, closing: float) -> NDArray[np.float32]:
         """Return the forces with a closing."""
-        shifts = self._follower.closed(closing)
-        force = self._follower.forces(self._episode, shifts, self._part.time, self._start)
+        force = self._follower.forces(self._episode, self._moved(closing), self._part.time, self._start)
         self._ends[closing] = self._follower.runner.state()
         return force
+
+    def _moved(self, closing: float) -> Mapping[Drive, float]:
+        closed = self._follower.closed(closing)
+        return {drive: closed.get(drive, 0.0) + self._shifts.get(drive, 0.0) for drive in {**closed, **self._shifts}}
 
     def fitted(self) -> FittedClosing:
         """Fit the closing to the measured forces."""
@@ -107,6 +126,6 @@ class _Grasp:
         if not lost or len(free) != 1:  # of several objects, nobody knows which the hand held
             return end
         assert self._part.measured is not None
-        motion = self._follower.motion(self._episode, self._follower.closed(closing), self._part.time)
+        motion = self._follower.motion(self._episode, self._moved(closing), self._part.time)
         times = held(self._part.time, self._part.measured)
         return self._follower.runner.carried(free[0], motion, self._start, end, times)

@@ -163,10 +163,17 @@ class Replay:
         strongest = episodes[int(np.argmax(peaks))]
         part = self._recording.select([strongest.number])
         known = self._follower.known(part)
-        shifts = self._follower.closed(float(np.median(strongest.closings or 0.0)))
-        moved = [{**shifts, drive: shifts.get(drive, 0.0) + 0.5 * self._follower.resolution[drive]} for drive in coarse]
-        changed = [total_normal(self._follower.forces(part[known], shift)) for shift in moved]
-        return EncoderError.of(strongest.number, total_normal(strongest.force[known]), changed)
+        changed = []
+        for drive in coarse:
+            shift = {drive: 0.5 * self._follower.resolution[drive]}
+            if strongest.closings:
+                force = by_grasp(self._follower, part[known], strongest.closings, shift).force
+            else:
+                force = self._follower.forces(part[known], shift)
+            changed.append(total_normal(force))
+        total = total_normal(strongest.force[known])
+        held = np.isfinite(total)  # without a grasp to which no closing could be fitted
+        return EncoderError.of(strongest.number, total[held], [one[held] for one in changed])
 
     def paired(self, episodes: Sequence[SimulatedEpisode]) -> Recording:
         """Return the recording with the simulated stream of all its episodes and a description of the replay.
