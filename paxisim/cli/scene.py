@@ -16,6 +16,7 @@ def scene_init(
     model: Annotated[Path, tyro.conf.Positional],
     *,
     recording: Path,
+    opening: str = "",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     force: bool = False,
 ) -> None:
@@ -32,6 +33,7 @@ def scene_init(
     Args:
         model: MJCF file with pads, as `paxisim attach` writes it.
         recording: Recording to replay.
+        opening: Stream that is the opening of the gripper, the distance between its pads; default: as its name says.
         output: Output file, .toml; default: the name of the model, with .toml.
         force: Overwrite the output if it exists.
     """
@@ -44,7 +46,7 @@ def scene_init(
     path = model.with_suffix(".toml") if output is None else output
     check_output(path, force, ".toml")
     progress(f"reading {recording}")
-    guessed = guess_scene(model, Recording.load(recording), _raw_covariates(recording))
+    guessed = guess_scene(model, Recording.load(recording), _raw_covariates(recording), opening)
     relative = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
     comments = [f"# {line}" for line in ("Which recorded stream moves what. To check:", *guessed.open)]
     write_output(path, "\n".join(comments) + "\n" + format_scene(guessed.scene, relative), force)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from paxisim.errors import InvalidValueError
 from paxisim.scene import units
@@ -19,7 +20,8 @@ class Drive:
     """A recorded stream that moves one joint, body or actuator of a scene.
 
     The position of a joint, or the control of an actuator, is ``scale * unit * value + offset``. One stream may have
-    several drives: the opening of a gripper moves each of two fingers by half of it, in opposite directions.
+    several drives: the opening of a gripper moves each of two fingers by half of it, in opposite directions. With a
+    `curve`, this value is only what the curve begins with.
 
     Attributes:
         stream: Name of the covariate.
@@ -33,9 +35,12 @@ class Drive:
         column: Column of a stream ``(T, n)`` to use, e.g. if all joints are in one array.
         resolution: Step size of the encoder, in `unit`; 0 if there is none. Default: estimated from the values, which
             works only if the stream was not interpolated to another clock.
+        curve: Points ``(value, position)`` of a smooth monotonic curve, for a joint that does not move in proportion to
+            the stream, such as that of a gripper whose fingers hang on four-bar linkages. The values increase; they are
+            what `scale`, `unit` and `offset` give, e.g. the opening in m.
 
     Raises:
-        InvalidValueError: Not exactly one target is given, or a number cannot be used.
+        InvalidValueError: Not exactly one target is given, or a number or the curve cannot be used.
         UnknownNameError: The unit does not exist.
     """
 
@@ -48,6 +53,7 @@ class Drive:
     offset: float | tuple[float, float, float] = 0.0
     column: int | None = None
     resolution: float | None = None
+    curve: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -68,6 +74,22 @@ class Drive:
             raise InvalidValueError(f"the resolution of the drive of {self.stream!r} must be 0 or more")
         if self.column is not None and self.column < 0:
             raise InvalidValueError(f"the column of the drive of {self.stream!r} must be 0 or more, got {self.column}")
+        if self.curve:
+            object.__setattr__(self, "curve", self._checked_curve())
+
+    def _checked_curve(self) -> tuple[tuple[float, float], ...]:
+        try:
+            points = np.array([(float(value), float(position)) for value, position in self.curve])
+        except (TypeError, ValueError):
+            points = np.zeros((0, 2))
+        steps = np.diff(points, axis=0)
+        rises = len(steps) > 0 and np.isfinite(points).all() and np.all(steps[:, 0] > 0)
+        if self.body or not rises or not (np.all(steps[:, 1] > 0) or np.all(steps[:, 1] < 0)):
+            raise InvalidValueError(
+                f"the curve of the drive of {self.stream!r} must have two or more points (value, position) with "
+                "increasing values and positions that all increase or all decrease, for a joint or an actuator"
+            )
+        return tuple((value, position) for value, position in points.tolist())
 
     @property
     def kind(self) -> str:
@@ -81,7 +103,7 @@ class Drive:
 
     @property
     def gain(self) -> float:
-        """Motion of the target in SI units per unit of the stream."""
+        """Motion of the target in SI units per unit of the stream; with a curve, that of the curve's values."""
         return self.scale * units.factor(self.unit)
 
     @property
@@ -89,12 +111,18 @@ class Drive:
         """Name of the stream, with its column if given."""
         return self.stream if self.column is None else f"{self.stream}[{self.column}]"
 
+    def scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Convert values of the stream to SI units with the offset, as a curve takes them; not for quaternions."""
+        return self.gain * values + np.asarray(self.offset)
+
     def to_scene(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert values of the stream to the target's motion in SI units; of a pose, only the position changes."""
+        if self.curve:
+            return PchipInterpolator(*np.transpose(self.curve))(self.scaled(values))
         if not self.body:
-            return self.gain * values + np.asarray(self.offset)
+            return self.scaled(values)
         moved = values.copy()
-        moved[:, :3] = self.gain * values[:, :3] + np.asarray(self.offset)
+        moved[:, :3] = self.scaled(values[:, :3])
         return moved
 
 

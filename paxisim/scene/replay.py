@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -185,25 +186,26 @@ class Replay:
         return force.reshape(len(force), pads, 3, rows, self._pool[0], cols, self._pool[1]).sum(axis=(4, 6))
 
     def _motion(self, part: Recording, shifts: Mapping[Drive, float] = MappingProxyType({})) -> Motion:
-        """Return the motion of an episode without unknown samples; `shifts` are added to the motion of drives."""
+        """Return the motion of an episode without unknown samples; `shifts` are added to the streams of drives."""
         number = int(part.episode[0])
         new = np.append(True, np.diff(part.time) > 0)  # the splines need increasing times: skip repeated ones
         curves: dict[Drive, Curve | PoseCurve] = {}
         for drive in (*self._rig.prescribed, *self._rig.followed):
-            values, time = streams.driving_values(part, drive)[new], part.time[new]
+            values, time = streams.raw_values(part, drive)[new], part.time[new]
             if drive.body:
-                values[:, :3] += shifts.get(drive, 0.0)
-                curves[drive] = PoseCurve(time, values)
+                moved = values.copy()
+                moved[:, :3] += shifts.get(drive, 0.0)
+                curves[drive] = PoseCurve(time, drive.to_scene(moved))
             else:
                 smooth = smooth_within(time, values, self._resolution[drive])
-                curves[drive] = Curve(time, smooth + shifts.get(drive, 0.0))
+                curves[drive] = Curve(time, drive.to_scene(smooth + shifts.get(drive, 0.0)))
         commands = {drive: streams.driving_values(part, drive) for drive in self._rig.commands}
         objects = tuple((address, poses[number]) for address, poses in self._objects)
         return Motion(number, part.time, curves, commands, objects)
 
     def _closed(self, closing: float) -> Mapping[Drive, float]:
-        """Return how far each drive moves if `closing`, in the stream's unit, is added to the closing stream."""
-        return {drive: drive.gain * closing for drive in self._scene.drives if drive.stream == self._scene.closing}
+        """Return what is added to the stream of each drive if `closing` is added to the closing stream."""
+        return {drive: closing for drive in self._scene.drives if drive.stream == self._scene.closing}
 
     def encoder_error(self, episodes: Sequence[SimulatedEpisode]) -> EncoderError | None:
         """Return the force change caused by half an encoder step, in the episode with the highest force.
@@ -220,7 +222,8 @@ class Replay:
         strongest = episodes[int(np.argmax(peaks))]
         part = self._recording.select([strongest.number])
         known, shifts = self._known(part), self._closed(strongest.closing)
-        moved = [{**shifts, drive: shifts.get(drive, 0.0) + 0.5 * self._resolution[drive]} for drive in coarse]
+        half = {drive: math.copysign(0.5 * self._resolution[drive], drive.gain) for drive in coarse}
+        moved = [{**shifts, drive: shifts.get(drive, 0.0) + half[drive]} for drive in coarse]
         changed = [total_normal(self._simulated(part, known, shift)) for shift in moved]
         return EncoderError.of(strongest.number, total_normal(strongest.force[known]), changed)
 
@@ -266,7 +269,7 @@ class Replay:
             "mode": scene.mode,
             "mean": self._mean,
             "not_testable": dict(mode.not_testable),
-            "encoder_steps": {d.source: step / abs(d.gain) for d, step in self._resolution.items() if step},
+            "encoder_steps": {d.source: step for d, step in self._resolution.items() if step},
             "toml": format_scene(scene, "scene.xml"),
             "encoder_error": None if error is None else vars(error),
             "notes": notes,

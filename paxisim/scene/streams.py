@@ -52,14 +52,14 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
 
 
 def encoder_step(recording: Recording, drive: Drive) -> float:
-    """Return the resolution of the drive's stream in SI units of its target; 0 for a pose.
+    """Return the resolution of the drive's stream in the stream's unit; 0 for a pose.
 
     Unless the drive states it, it is estimated from all episodes of the recording.
     """
     if drive.body:
         return 0.0
     values = raw_values(recording, drive)
-    return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
+    return resolution(values) if drive.resolution is None else drive.resolution
 
 
 def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -98,7 +98,12 @@ def check_streams(recording: Recording, rig: Rig) -> None:
 
 
 def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
-    """Return the limits of a joint or control in SI units; wide, plausible ones if the model sets none for a joint."""
+    """Return the limits of a joint or control in SI units, or the ends of the drive's curve.
+
+    If the model sets none for a joint, they are wide, plausible ones.
+    """
+    if drive.curve:
+        return drive.curve[0][0], drive.curve[-1][0]
     if drive.actuator:
         actuator = model.actuator(drive.actuator).id
         low, high = model.actuator_ctrlrange[actuator]
@@ -113,13 +118,14 @@ def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
 
 def _check_limits(drive: Drive, values: NDArray[np.float64], limits: tuple[float, float]) -> None:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    moved = sorted(drive.to_scene(np.array([low, high])).tolist())
+    moved = sorted(drive.scaled(np.array([low, high])).tolist())
     slack = abs(drive.gain) * (drive.resolution or 0.0)
     outside = not units.is_within(moved[0], moved[1], limits, slack)
     better = ""
     if np.isfinite(limits).all():
         better = units.better_unit(drive.unit, low, high, limits, drive.scale, float(np.asarray(drive.offset)))
-    what = f"stream {drive.source!r} moves {drive.kind} {drive.target!r} from {moved[0]:.4g} to {moved[1]:.4g}"
+    moves = "gives the curve of" if drive.curve else "moves"
+    what = f"stream {drive.source!r} {moves} {drive.kind} {drive.target!r} from {moved[0]:.4g} to {moved[1]:.4g}"
     if outside:
         advice = (
             f'its values are {better}, not {drive.unit}: set unit = "{better}"'
