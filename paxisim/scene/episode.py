@@ -81,6 +81,11 @@ class EpisodeRunner:
         self._start(motion, inputs, int(np.ceil(settle / timestep)))
         return self._read(motion, inputs, where, steps, mean)
 
+    @property
+    def qpos(self) -> NDArray[np.float64]:
+        """``(nq,)`` positions at the end of the last episode that was run."""
+        return self._data.qpos.copy()
+
     def clearance(self, motion: Motion, time: float) -> float:
         """Return the distance (m) from the pads to the nearest geom they could touch, at a time of the motion.
 

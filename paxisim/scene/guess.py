@@ -39,8 +39,8 @@ class GuessedScene:
 
     Attributes:
         scene: The guessed scene.
-        found: One line per drive, with the reason for it.
-        open: One line per open question that the user should check.
+        found: One line for each stream that has the name of what it moves.
+        open: One line for each guess and open question that the user should check.
     """
 
     scene: Scene
@@ -74,10 +74,10 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
     drives = [_measured(model, drive, streams[drive.stream]) for drive in drives]
     taken = {drive.stream for drive in drives}
     candidates = [opening] if opening else [name for name in _openings(streams) if name not in taken]
-    opened, said, more = _opening(model, hands, {name: streams[name] for name in candidates}, drives)
+    opened, more = _opening(model, hands, {name: streams[name] for name in candidates}, drives)
     if opening and not opened:
         raise InvalidValueError(more[0] if more else "--opening needs a hand with two pads that no other stream moves")
-    drives, found, doubts = drives + opened, found + said, doubts + more
+    drives, doubts = drives + opened, doubts + more
     if not drives:
         joints = ", ".join(name for i in range(model.njnt) if (name := model.joint(i).name)) or "none"
         raise InvalidValueError(
@@ -89,8 +89,18 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
     drives = [_stepped(drive, (raw or {}).get(drive.stream, streams[drive.stream])) for drive in drives]
     start, placed = _objects(model, {drive.body for drive in drives})
     carried = _moving_pads(model, pads)
-    scene = Scene(mjcf, tuple(drives), closing=closing_stream(model, hands, drives, carried), start=start)
-    doubts += [*more, *placed, *_apart(hands, drives, carried), *_left(model, hands, drives, streams)]
+    closing = closing_stream(model, hands, drives, carried)
+    scene = Scene(mjcf, tuple(drives), closing=closing, start=start)
+    more += [f"stream {closing!r} brings the pads into contact (closing)"] if closing else []
+    gel = f"the modulus of the gel, {1e-3 * scene.gel.modulus:.4g} kPa, is a default: set that of your pads in [gel]"
+    doubts += [
+        gel,
+        "the units are those in which the values fit the limits of the joints",
+        *more,
+        *placed,
+        *_apart(hands, drives, carried),
+        *_left(model, hands, drives, streams),
+    ]
     return GuessedScene(scene, tuple(found), tuple(doubts))
 
 
@@ -121,8 +131,8 @@ def _by_name(model: mujoco.MjModel, streams: Streams) -> tuple[list[Drive], list
                 rivals = [other for other, its_same in alike.items() if set(its_same) & set(same)]
                 if len(same) == 1 == len(rivals):
                     drives.append(Drive(stream, joint=same[0]) if kind == "joint" else Drive(stream, body=same[0]))
-                    how = "their names agree" if exact else "their names end alike, to check"
-                    found.append(f"stream {stream!r} {does} {kind} {same[0]!r}: {how}")
+                    said = f"stream {stream!r} {does} {kind} {same[0]!r}: their names"
+                    (found if exact else doubts).append(f"{said} {'agree' if exact else 'end alike'}")
                 elif same and not exact:
                     doubts.append(
                         f"{_several('stream', rivals)} could each move {_several(kind, same)}, so none does: rename "
@@ -190,21 +200,21 @@ def _openings(streams: Streams) -> list[str]:
 
 def _opening(
     model: mujoco.MjModel, hands: Sequence[Hand], streams: Streams, drives: Sequence[Drive]
-) -> tuple[list[Drive], list[str], list[str]]:
-    """Return the drives of a stream that is a gripper's opening, what was found, and what is in doubt."""
+) -> tuple[list[Drive], list[str]]:
+    """Return the drives of a stream that is a gripper's opening, and what is in doubt."""
     driven = {drive.joint for drive in drives}
     still = [hand for hand in hands if len(hand.pads) == 2 and not driven & set(hand.joints)]
     if not streams or not still:
-        return [], [], []
+        return [], []
     if len(streams) > 1 or len(still) > 1:
         what = f"{_several('stream', list(streams))} could each be the opening of a hand, so none is"
         advice = "write the drives by hand" if len(still) > 1 else "choose one with --opening"
-        return [], [], [f"{what}: {advice}"]
+        return [], [f"{what}: {advice}"]
     (name, values), hand = next(iter(streams.items())), still[0]
     moved = hand.drives(name)
     if not moved:
         doubt = f"stream {name!r} moves nothing: the distance between the pads does not grow steadily with the joints "
-        return [], [], [doubt + f"that move them ({', '.join(hand.joints)}); write its drive by hand"]
+        return [], [doubt + f"that move them ({', '.join(hand.joints)}); write its drive by hand"]
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     ends = sorted(((np.array(limits_of(model, moved[0])) - moved[0].offset) / moved[0].scale).tolist())
     possible = [
@@ -218,12 +228,12 @@ def _opening(
             f"stream {name!r} moves nothing: it goes from {low:.4g} to {high:.4g}, and the distance between the pads "
         )
         advice = "it may be a share, a count or an angle; write its drive by hand"
-        return [], [], [doubt + f"from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; {advice}"]
+        return [], [doubt + f"from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; {advice}"]
     moved = [replace(drive, unit=possible[0]) for drive in moved]
-    joints = [drive.joint for drive in moved]
+    joints = " and ".join(repr(drive.joint) for drive in moved)
     how = "each move half of it" if not moved[0].curve else "follow a curve from the model's own linkage"
-    said = f"stream {name!r} is taken to be the distance between the pads, to check; {' and '.join(map(repr, joints))} {how}"
-    return moved, [said], []
+    said = f"stream {name!r} is taken to be the distance between the pads; {joints} {how}"
+    return moved, [said]
 
 
 def _measured(model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64]) -> Drive:
@@ -244,8 +254,8 @@ def _measured(model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64]) 
     if not units.is_within(ends[0], ends[1], limits):
         raise InvalidValueError(
             f"stream {drive.stream!r} goes from {low:.4g} to {high:.4g}, which no unit of {', '.join(family)} brings "
-            f"into the limits of joint {drive.joint!r}, {limits[0]:.4g} to {limits[1]:.4g} {next(iter(family))}: rename "
-            "the stream if it is something else, or correct the limits in the MJCF"
+            f"into the limits of joint {drive.joint!r}, {limits[0]:.4g} to {limits[1]:.4g} {next(iter(family))}: "
+            "rename the stream if it is something else, or correct the limits in the MJCF"
         )
     return drive
 

@@ -36,6 +36,8 @@ CLOSING_FITS = {"fitted": fit_closing, "shape": fit_shape}
 CONTACT_FORCE = 0.2
 """Total normal force (N) above which there is certainly contact."""
 
+_BEFORE = 1.0  # s
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedEpisode:
@@ -124,6 +126,22 @@ class Replay:
             number,
         )
         return SimulatedEpisode(number, _within(part, known, fitted.force), fitted.closing, fitted.notes)
+
+    def pose(self, sample: int) -> NDArray[np.float64]:
+        """Return the positions ``(nq,)`` of `rig.model` at a sample, from a simulation of the second before it.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+            InvalidValueError: The driving streams are not known at that time.
+        """
+        time, number = self._recording.time[sample], int(self._recording.episode[sample])
+        part = self._recording.select([number])
+        part = part[(part.time <= time) & (part.time >= time - _BEFORE)]
+        part = part[self._known(part)]
+        if part.time[-1] < time:
+            raise InvalidValueError(f"the driving streams are not all known at {time:.3f} s of episode {number}")
+        self._runner.run(self._motion(part), self._scene.settle, mean=False)
+        return self._runner.qpos
 
     def inputs(self, number: int, closing: float | None = None) -> Iterator[bytes]:
         """Yield everything that the result of `run` depends on, apart from the versions of paxisim and MuJoCo."""

@@ -16,8 +16,12 @@ from paxisim.cli import main
 HANDS = Path(__file__).parents[2].parent / "shared" / "data" / "hands"
 LAYOUT = paxisim.TaxelLayout(3, 3, 4e-3)
 TIME = np.arange(150) / 50
+WAVE = np.sin(TIME)
 POST = '<geom name="post" type="box" size="0.015 0.02 0.04" pos="0 0 0.53"/>'
 CRANKS = ("left_crank", "right_crank")
+ARM = [Drive(f"j{i}", joint=f"x_j{i}") for i in range(4)]
+HALF = {"left": -0.5, "right": 0.5}
+SLIDING = [*ARM, *(Drive("gripper_width", joint=s, scale=k, offset=-0.08 * k) for s, k in HALF.items())]
 
 
 @pytest.fixture(autouse=True)
@@ -65,26 +69,81 @@ def init(model, *words):
 @pytest.mark.parametrize("linkage", [False, True])
 def test_the_drives_of_an_arm_with_a_hand_are_found_and_give_the_same_forces(capsys, linkage):
     model, streams = write(arm_with(four_bars() if linkage else two_fingers())), squeezes()
-    drives = [Drive(f"j{i}", joint=f"x_j{i}") for i in range(4)]
     if linkage:
         angle = np.arcsin((0.045 - streams["gripper_width"] / 2) / 0.05)
-        forces = measured(
-            model, [*drives, *(Drive(c, joint=c) for c in CRANKS)], streams | dict.fromkeys(CRANKS, angle), streams
-        )
+        drives = [*ARM, *(Drive(crank, joint=crank) for crank in CRANKS)]
+        forces = measured(model, drives, streams | dict.fromkeys(CRANKS, angle), streams)
     else:
-        drives += [
-            Drive("gripper_width", joint=s, scale=k, offset=-0.08 * k) for s, k in (("left", -0.5), ("right", 0.5))
-        ]
-        forces = measured(model, drives, streams, streams)
+        forces = measured(model, SLIDING, streams, streams)
     scene = init(model)
     out = " ".join(capsys.readouterr().out.split())
-    assert "stream 'j0' moves joint 'x_j0': their names end alike, to check" in out
-    assert "'gripper_width' is taken to be the distance between the pads, to check" in out
+    assert "to check: stream 'j0' moves joint 'x_j0': their names end alike" in out
+    assert "to check: stream 'gripper_width' is taken to be the distance between the pads" in out
     assert scene.closing == "gripper_width"
     closing = [drive.joint for drive in scene.drives if drive.stream == "gripper_width"]
     assert closing == (list(CRANKS) if linkage else ["left", "right"])
     again = total(scene.simulate(Recording.load("press.mcap")).simulated)
     assert np.abs(again - total(forces)).max() < 0.05 * total(forces).max()
+
+
+def write_log(streams, time=TIME):
+    """Write a robot's log beside the recording."""
+    rows = np.column_stack([time, *streams.values()])
+    np.savetxt("robot.csv", rows, delimiter=",", header=",".join(["time", *streams]), comments="", fmt="%.9g")
+
+
+def with_log(model, streams, *words):
+    """Write a recording of a sensor alone, and begin the scene with the log of the robot."""
+    measured(model, SLIDING, streams, ())
+    return init(model, "--streams", "robot.csv", *words)
+
+
+def test_a_robot_s_log_beside_the_recording_ends_in_a_table_and_a_picture_of_the_first_contact(capsys):
+    model, streams = write(arm_with(two_fingers())), squeezes()
+    streams["j1"] = np.round(0.01 * WAVE, 3)
+    long = "a_very_long_name_of_a_stream_on_a_robot_with_many_of_them_that_ends_in.x_j3"
+    write_log({long if name == "j3" else name: values for name, values in streams.items()})
+    scene = with_log(model, streams, "--picture", "contact.png")
+    assert {drive.joint: drive.resolution for drive in scene.drives}["x_j1"] == pytest.approx(1e-3)
+    out = capsys.readouterr().out
+    table = out[out.index("\nstream ") :].splitlines()[1:]
+    assert max(map(len, out.splitlines())) <= 80
+    assert [line.split() for line in table if line.startswith("gripper_width")] == [
+        ["gripper_width", finger, "m", "0.0292", "to", "0.06"] for finger in ("left", "right")
+    ]
+    assert len({line.index(" m ") for line in table if " m " in line}) == 1, "the columns are aligned"
+    assert "to check: the modulus of the gel, 100 kPa, is a default" in out
+    assert "contact.png: the first contact" in out
+    assert Path("contact.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["replay", "press.mcap", "--scene", "found.toml", "--streams", "robot.csv", "-o", "paired.npz"]) == 0
+    paired = Recording.load("paired.npz")
+    assert np.abs(total(paired.simulated) - total(paired.measured)).max() < 0.05 * total(paired.measured).max()
+
+
+@pytest.mark.parametrize(
+    ("log", "words", "message"),
+    [
+        (TIME + 9, (), "robot.csv does not overlap the recording: it spans 9.000 s to 11.980 s, the recording 0.000 s"),
+        (TIME + 1.7e9, (), "both must use the same clock"),
+        (TIME, ("--picture", "contact.jpg"), "the output must end in .png"),
+        (TIME[:40], ("--picture", "contact.png"), "the driving streams are not all known at"),
+    ],
+)
+def test_a_log_that_is_not_of_the_recording_writes_nothing(capsys, log, words, message):
+    model, streams = write(arm_with(two_fingers())), squeezes()
+    write_log({name: values[: len(log)] for name, values in streams.items()}, log)
+    assert with_log(model, streams, *words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert not list(Path().glob("found.*")) + list(Path().glob("contact.*"))
+
+
+@pytest.mark.parametrize(("unit", "message"), [("N", "never exceeds 0.2 N (it reaches 0 N)"), ("count", "is in count")])
+def test_a_picture_needs_a_contact(capsys, unit, message):
+    replace(blank(squeezes()), metadata={"unit": unit}).save("press.mcap")
+    assert init(write(arm_with(two_fingers())), "--picture", "contact.png") == 2
+    assert message in capsys.readouterr().err
+    assert not Path("found.toml").exists()
 
 
 def found_in(streams, model, *words):
@@ -98,13 +157,13 @@ def found_in(streams, model, *words):
     [
         # the values tell the unit; an arm has one for all its joints
         ({"gripper_width": 1e3 * squeezes()["gripper_width"]}, {"gripper_width": ("right", "mm")}, "distance between"),
-        ({"j1": 100 * np.sin(TIME), "j2": np.sin(TIME)}, {"j1": ("x_j1", "deg"), "j2": ("x_j2", "deg")}, "'j1' is in deg"),
+        ({"j1": 100 * WAVE, "j2": WAVE}, {"j1": ("x_j1", "deg"), "j2": ("x_j2", "deg")}, "'j1' is in deg"),
         # what could be several things is none of them
         ({"gripper_opening": squeezes()["gripper_width"]}, {"gripper_width": None}, "choose one with --opening"),
-        ({"a.x_j1": np.sin(TIME), "j1": None, "b.x_j1": np.sin(TIME)}, {"a.x_j1": None, "b.x_j1": None}, "could each move joint 'x_j1'"),
+        ({"a.x_j1": WAVE, "j1": None, "b.x_j1": WAVE}, {"a.x_j1": None}, "could each move joint 'x_j1'"),
         ({"gripper_width": np.linspace(0, 1, 150)}, {"gripper_width": None}, "may be a share, a count or an angle"),
         # a stream of a joint is no other joint that only ends alike
-        ({"left": None, "other_left": 3 * np.sin(TIME)}, {"other_left": None}, "streams that move nothing: other_left"),
+        ({"left": None, "other_left": 3 * WAVE}, {"other_left": None}, "streams that move nothing: other_left"),
     ],
 )  # fmt: skip
 def test_units_and_doubts(capsys, changes, expected, said):
@@ -128,7 +187,7 @@ def test_opening_names_the_stream_and_the_closing_one_is_never_that_of_the_arm()
 @pytest.mark.parametrize(
     ("changes", "words", "message"),
     [
-        ({"j1": 400 + TIME}, (), "'j1' goes from 400 to 403, which no unit of rad, deg brings into the limits of joint 'x_j1'"),
+        ({"j1": 400 + TIME}, (), "'j1' goes from 400 to 403, which no unit of rad, deg brings into the limits"),
         ({}, ("--opening", "j9"), "unknown stream 'j9'"),
         ({"gripper_width": TIME * 90}, ("--opening", "gripper_width"), "it may be a share, a count or an angle"),
     ],
@@ -139,3 +198,46 @@ def test_bad_input_is_one_line_and_writes_nothing(capsys, changes, words, messag
     (line,) = capsys.readouterr().err.splitlines()
     assert message.replace("x_j", "j") in line
     assert not Path("found.toml").exists()
+
+
+# public hands
+
+
+def bare_xarm():
+    """Return the arm without its gripper, and where that was."""
+    spec = mujoco.MjSpec.from_file(str(HANDS / "ufactory_xarm7" / "xarm7.xml"))
+    base = spec.body("xarm_gripper_base_link")
+    at = base.parent.name
+    spec.delete(base)
+    return spec, at
+
+
+@pytest.mark.skipif(not HANDS.is_dir(), reason="the public hands are not here")
+@pytest.mark.parametrize(
+    ("hand", "joints", "error"),
+    [
+        ("franka_emika_panda/hand.xml", ("finger_joint1", "finger_joint2"), 1e-5),
+        ("robotiq_2f85/2f85.xml", ("right_driver_joint", "left_driver_joint"), 2e-5),
+        ("", ("left_driver_joint", "right_driver_joint"), 1.5e-3),  # its own gripper has a loose linkage
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.* mm inside")
+def test_the_pads_of_public_grippers_are_apart_as_recorded(tmp_path, hand, joints, error):
+    """The distance between the pads, simulated at several samples, is that of the stream."""
+    arm, at = (HANDS / "ufactory_xarm7" / "xarm7.xml", "") if not hand else bare_xarm()
+    composed = paxisim.compose_scene(arm, HANDS / hand if hand else None, at=at)
+    Path("robot.xml").write_text(paxisim.attach(composed.spec, LAYOUT).to_xml(tmp_path))
+    width = path(TIME, [0, 0.5, 1, 1.5, 2, 3], [60, 60, 45, 45, 32, 32])
+    streams = {f"joint{i}": 0.1 * np.sin(TIME + i) for i in range(1, 8)} | {"gripper_width": width}
+    scene, found = found_in(streams, "robot.xml")
+    assert scene.closing == "gripper_width"
+    assert [drive.joint.removeprefix("hand_") for drive in scene.drives][7:] == list(joints)
+    assert {name: found[name] for name in ("joint1", "joint7")} == {n: (n, "rad") for n in ("joint1", "joint7")}
+    assert found["gripper_width"][1] == "mm"
+    replay = scene.prepare(Recording.load("press.mcap"))
+    data = mujoco.MjData(replay.rig.model)
+    for sample in (20, 70, 140):  # the gripper is at rest
+        data.qpos[:] = replay.pose(sample)
+        mujoco.mj_kinematics(data.model, data)
+        apart = np.linalg.norm(np.diff(data.xpos[replay.rig.pads.bodies], axis=0))
+        assert apart == pytest.approx(1e-3 * width[sample], abs=error)
