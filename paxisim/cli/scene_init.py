@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -23,6 +23,7 @@ def scene_init(
     recording: Path,
     streams: tuple[Path, ...] = (),
     opening: str = "",
+    quaternion: Literal["wxyz", "xyzw"] | None = None,
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     picture: Path | None = None,
     force: bool = False,
@@ -44,6 +45,7 @@ def scene_init(
         recording: Recording to replay.
         streams: Files with more streams of the same motion, such as the robot's log; as for `paxisim convert`.
         opening: Stream that is the opening of the gripper, the distance between its pads; default: as its name says.
+        quaternion: Order of the quaternions of poses given as position and quaternion.
         output: Output file, .toml; default: the name of the model, with .toml.
         picture: Picture of the scene when the measured normal force first exceeds 0.2 N, .png.
         force: Overwrite the outputs if they exist.
@@ -60,7 +62,7 @@ def scene_init(
         check_output(picture, force, ".png")
     progress(f"reading {recording}")
     loaded = Recording.load(recording, streams=streams)
-    guessed = guess_scene(model, loaded, _raw_covariates(recording, streams), opening)
+    guessed = guess_scene(model, loaded, _raw_covariates(recording, streams), opening, quaternion or "")
     contact = None if picture is None else _first_contact(guessed.scene, loaded)
     relative = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
     comments = [f"# {line}" for line in ("Which recorded stream moves what. To check:", *guessed.open)]
@@ -141,10 +143,14 @@ def _table(scene: Scene, recording: Recording) -> str:
     """Return a table of the drives: stream, joint or body, unit and range."""
     import numpy as np
 
+    from paxisim.scene.poses import as_poses
+    from paxisim.scene.streams import known_samples
+
     rows = [("stream", "moves", "unit", "range")]
     for drive in scene.drives:
         values = recording.covariates[drive.stream]
-        values = values[:, :3] if drive.body else values
+        if drive.body:  # its position
+            values = as_poses(values[known_samples(values)], drive.quaternion, drive.stream)[:, :3]
         span = f"{np.nanmin(values):.4g} to {np.nanmax(values):.4g}"
         rows.append((drive.source, drive.target, drive.unit, span))
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]

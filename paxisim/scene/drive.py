@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.scene import units
+from paxisim.scene.poses import ORDERS, as_poses
 
 TARGETS = ("joint", "body", "actuator")
 
@@ -27,7 +28,7 @@ class Drive:
         stream: Name of the covariate.
         joint: Name of the hinge or slide joint to move. Exactly one of `joint`, `body` and `actuator` must be given.
         body: Name of the body to pose: a mocap body, or one with a free joint. The stream is then a position ``(T, 3)``
-            or a position and a quaternion w x y z ``(T, 7)``, in the world frame.
+            or a pose (`paxisim.scene.poses`), in the world frame.
         actuator: Name of the actuator whose control the stream sets.
         unit: Unit of the values, a key of `paxisim.scene.units.UNITS`; for a body's pose, the unit of the position.
         scale: Scale factor; negative if the directions differ. For a current, the force in newtons per ampere.
@@ -38,10 +39,11 @@ class Drive:
         curve: Points ``(value, position)`` of a smooth monotonic curve, for a joint that does not move in proportion to
             the stream, such as that of a gripper whose fingers hang on four-bar linkages. The values increase; they are
             what `scale`, `unit` and `offset` give, e.g. the opening in m.
+        quaternion: Order of the quaternions of a pose ``(T, 7)``, ``"wxyz"`` or ``"xyzw"``.
 
     Raises:
         InvalidValueError: Not exactly one target is given, or a number or the curve cannot be used.
-        UnknownNameError: The unit does not exist.
+        UnknownNameError: The unit or the order of quaternions does not exist.
     """
 
     stream: str
@@ -54,6 +56,7 @@ class Drive:
     column: int | None = None
     resolution: float | None = None
     curve: tuple[tuple[float, float], ...] = ()
+    quaternion: str = "wxyz"
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -64,6 +67,7 @@ class Drive:
             got = " and ".join(given) or "none of them"
             raise InvalidValueError(f"the drive of {self.stream!r} must name one joint, body or actuator, got {got}")
         units.factor(self.unit)
+        _check_order(self.quaternion)
         offset = np.asarray(self.offset, dtype=float)
         if offset.shape not in ((), (3,)) or (offset.shape == (3,) and not self.body) or not np.isfinite(offset).all():
             expected = "one or three finite numbers" if self.body else "a finite number"
@@ -116,14 +120,18 @@ class Drive:
         return self.gain * values + np.asarray(self.offset)
 
     def to_scene(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Convert values of the stream to the target's motion in SI units; of a pose, only the position changes."""
-        if self.curve:
-            return PchipInterpolator(*np.transpose(self.curve))(self.scaled(values))
-        if not self.body:
-            return self.scaled(values)
-        moved = values.copy()
-        moved[:, :3] = self.scaled(values[:, :3])
-        return moved
+        """Convert known values of the stream to the target's motion in SI units.
+
+        Returns:
+            ``(T,)``; for a body positions ``(T, 3)``, or positions and quaternions w x y z ``(T, 7)``.
+
+        Raises:
+            InvalidValueError: The values are no poses.
+        """
+        if self.body:
+            poses = as_poses(values, self.quaternion, self.stream)
+            return np.hstack([self.scaled(poses[:, :3]), poses[:, 3:]])
+        return PchipInterpolator(*np.transpose(self.curve))(self.scaled(values)) if self.curve else self.scaled(values)
 
 
 @dataclass(frozen=True)
@@ -134,20 +142,24 @@ class ObjectStart:
         body: Name of the body.
         pos: Position (m) in the world frame.
         quat: Quaternion w x y z.
-        stream: Covariate ``(T, 7)`` with position (m) and quaternion, used instead of `pos` and `quat`; each episode
+        stream: Covariate with poses (m) as in `paxisim.scene.poses`, used instead of `pos` and `quat`; each episode
             takes its first known value.
+        quaternion: Order of the quaternions of a stream ``(T, 7)``, ``"wxyz"`` or ``"xyzw"``.
 
     Raises:
         InvalidValueError: Neither or both of `pos` and `stream` are given, or the numbers are not a pose.
+        UnknownNameError: The order of quaternions does not exist.
     """
 
     body: str
     pos: tuple[float, float, float] | None = None
     quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
     stream: str = ""
+    quaternion: str = "wxyz"
 
     def __post_init__(self) -> None:
         """Check the values."""
+        _check_order(self.quaternion)
         if not self.body or (self.pos is None) == (not self.stream):
             raise InvalidValueError("a start needs a body, and either pos or stream")
         numbers = np.array([*(self.pos or (0, 0, 0)), *self.quat], dtype=float)
@@ -155,3 +167,8 @@ class ObjectStart:
             raise InvalidValueError(
                 f"the start of {self.body!r} must have a pos of three numbers and a quat of four, not all 0"
             )
+
+
+def _check_order(quaternion: str) -> None:
+    if quaternion not in ORDERS:
+        raise UnknownNameError("order of quaternions", quaternion, ORDERS)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,17 +19,15 @@ from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
+from paxisim.scene.named import NOT_MOTION, Streams, by_name, is_near, is_object, is_scalar, several
 from paxisim.scene.opening import Hand, closing_stream, hands_of
 from paxisim.scene.scene import Scene
-from paxisim.scene.streams import limits_of
+from paxisim.scene.streams import known_samples, limits_of
 
 _OPENING = re.compile(r"opening|width|aperture|gripper", re.IGNORECASE)
-_NOT_MOTION = re.compile(r"force|current|torque|effort|velocity|speed|temp|resultant|command", re.IGNORECASE)
-_GENERIC = re.compile(r"\b(joint states?|state|observation|pos|position|qpos|rad|deg|mm|m)\b")
+_FARTHEST = 10.0  # m; a body further away is in mm
 _LEAST_OPENING = 0.1  # share of the largest opening; a stream in mm that stays below it may be a share
-_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-
-Streams = Mapping[str, NDArray[np.float64]]
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +45,9 @@ class GuessedScene:
     open: tuple[str, ...]
 
 
-def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, opening: str = "") -> GuessedScene:
+def guess_scene(
+    mjcf: Path, recording: Recording, raw: Streams | None = None, opening: str = "", quaternion: str = ""
+) -> GuessedScene:
     """Guess which streams of a recording move which parts of a model.
 
     Args:
@@ -56,10 +55,11 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
         recording: The recording.
         raw: Covariates as recorded, before they were resampled to one clock; these show encoder steps.
         opening: Name of the stream that is the opening of a gripper. Default: guessed.
+        quaternion: Order of the quaternions of poses ``(T, 7)``, one of `paxisim.scene.poses.ORDERS`.
 
     Raises:
-        InvalidValueError: The model cannot be read or has no pads, no stream matches anything in it, or the values of a
-            stream are beyond the limits of its joint in every unit.
+        InvalidValueError: The model cannot be read or has no pads, no stream matches anything in it, the values of a
+            stream are beyond the limits of its joint in every unit, or the order of a quaternion is not given.
         UnknownNameError: There is no stream `opening`.
     """
     spec = load_spec(mjcf)
@@ -69,9 +69,13 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
     streams = {name: values for name, values in recording.covariates.items() if np.isfinite(values).any()}
     if opening and opening not in streams:
         raise UnknownNameError("stream", opening, streams, "expected among the recording's covariates (--opening)")
-    by_name = {name: values for name, values in streams.items() if name != opening}
-    drives, found, doubts = _by_name(model, by_name)
-    drives = [_measured(model, drive, streams[drive.stream]) for drive in drives]
+    drives, found, doubts = by_name(model, {name: values for name, values in streams.items() if name != opening})
+    drives = [
+        _posed(drive, streams[drive.stream], quaternion)
+        if drive.body
+        else _measured(model, drive, streams[drive.stream])
+        for drive in drives
+    ]
     taken = {drive.stream for drive in drives}
     candidates = [opening] if opening else [name for name in _openings(streams) if name not in taken]
     opened, more = _opening(model, hands, {name: streams[name] for name in candidates}, drives)
@@ -87,7 +91,7 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
         )
     drives, more = _in_one_unit(model, drives, streams)
     drives = [_stepped(drive, (raw or {}).get(drive.stream, streams[drive.stream])) for drive in drives]
-    start, placed = _objects(model, {drive.body for drive in drives})
+    start, placed = _objects(model, pads, {drive.body for drive in drives})
     carried = _moving_pads(model, pads)
     closing = closing_stream(model, hands, drives, carried)
     scene = Scene(mjcf, tuple(drives), closing=closing, start=start)
@@ -104,89 +108,6 @@ def guess_scene(mjcf: Path, recording: Recording, raw: Streams | None = None, op
     return GuessedScene(scene, tuple(found), tuple(doubts))
 
 
-def _words(name: str) -> tuple[str, ...]:
-    """Return the words of a name in lower case, without generic ones."""
-    return tuple(_GENERIC.sub(" ", re.sub(r"[\W_]+", " ", name.lower())).split())
-
-
-def _endings(name: str) -> set[str]:
-    """Return the endings of a name, word by word, which have a letter."""
-    words = _words(name)
-    endings = ("".join(words[i:]) for i in range(len(words)))
-    return {ending for ending in endings if re.search("[a-z]", ending)}
-
-
-def _by_name(model: mujoco.MjModel, streams: Streams) -> tuple[list[Drive], list[str], list[str]]:
-    """Return the drives of the streams that are named as what they move, why, and what is in doubt."""
-    joints = [model.joint(i).name for i in range(model.njnt) if _is_scalar(model, i)]
-    bodies = [model.body(i).name for i in range(1, model.nbody) if _is_posed(model, i)]
-    drives, found, doubts = [], [], []
-    for kind, does, names in (("joint", "moves", joints), ("body", "poses", bodies)):
-        its = [name for name, values in streams.items() if _suits(values, kind) and not _NOT_MOTION.search(name)]
-        for exact in (True, False):
-            alike = {stream: _alike(stream, names, exact) for stream in its}
-            if kind == "joint" and not exact:
-                alike = {s: [n for n in same if _is_near(model, n, streams[s])] for s, same in alike.items()}
-            for stream, same in alike.items():
-                rivals = [other for other, its_same in alike.items() if set(its_same) & set(same)]
-                if len(same) == 1 == len(rivals):
-                    drives.append(Drive(stream, joint=same[0]) if kind == "joint" else Drive(stream, body=same[0]))
-                    said = f"stream {stream!r} {does} {kind} {same[0]!r}: their names"
-                    (found if exact else doubts).append(f"{said} {'agree' if exact else 'end alike'}")
-                elif same and not exact:
-                    doubts.append(
-                        f"{_several('stream', rivals)} could each move {_several(kind, same)}, so none does: rename "
-                        "them, or write the drive by hand"
-                    )
-            its = [stream for stream in its if not any(drive.stream == stream for drive in drives)]
-            names = [name for name in names if not any(drive.target == name for drive in drives)]
-    return drives, found, list(dict.fromkeys(doubts))
-
-
-def _several(kind: str, names: Sequence[str]) -> str:
-    return f"{kind} {names[0]!r}" if len(names) == 1 else f"{kind}s {', '.join(map(repr, names))}"
-
-
-def _suits(values: NDArray[np.float64], kind: str) -> bool:
-    return values.ndim == 1 if kind == "joint" else values.ndim == 2 and values.shape[1] in (3, 7)
-
-
-def _alike(stream: str, names: Sequence[str], exact: bool) -> list[str]:
-    """Return the names that agree with that of a stream, or those that have the longest ending in common with it."""
-    whole = "".join(_words(stream))
-    if exact:
-        return [name for name in names if whole and whole == "".join(_words(name))]
-    common = {}
-    for name in names:
-        other = "".join(_words(name))
-        if whole in _endings(name) or other in _endings(stream):
-            common[name] = min(len(whole), len(other))
-    return [name for name, length in common.items() if length == max(common.values())]
-
-
-def _is_near(
-    model: mujoco.MjModel, joint: str, values: NDArray[np.float64], factors: Sequence[float] = (1.0, math.pi / 180)
-) -> bool:
-    """Return whether values are within the limits of a joint when multiplied by one of the factors."""
-    limits = limits_of(model, Drive("stream", joint=joint))
-    factors = (1.0,) if int(model.joint(joint).type[0]) == _SLIDE else factors
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    return any(units.is_within(factor * low, factor * high, limits) for factor in factors)
-
-
-def _is_scalar(model: mujoco.MjModel, joint: int) -> bool:
-    return bool(model.joint(joint).name) and int(model.jnt_type[joint]) in (_SLIDE, int(mujoco.mjtJoint.mjJNT_HINGE))
-
-
-def _is_posed(model: mujoco.MjModel, body: int) -> bool:
-    return model.body_mocapid[body] >= 0 or _is_object(model, body)
-
-
-def _is_object(model: mujoco.MjModel, body: int) -> bool:
-    first = int(model.body_jntadr[body])
-    return bool(model.body(body).name) and first >= 0 and int(model.jnt_type[first]) == _FREE
-
-
 def _moving_pads(model: mujoco.MjModel, pads: Pads) -> set[str]:
     """Return the names of the joints that move the pads."""
     above = {body for pad in pads.bodies for body in (int(pad), *bodies_above(model, int(pad)))}
@@ -195,7 +116,7 @@ def _moving_pads(model: mujoco.MjModel, pads: Pads) -> set[str]:
 
 def _openings(streams: Streams) -> list[str]:
     """Return the names of streams that may be the opening of a gripper."""
-    return [n for n, v in streams.items() if v.ndim == 1 and _OPENING.search(n) and not _NOT_MOTION.search(n)]
+    return [n for n, v in streams.items() if v.ndim == 1 and _OPENING.search(n) and not NOT_MOTION.search(n)]
 
 
 def _opening(
@@ -207,7 +128,7 @@ def _opening(
     if not streams or not still:
         return [], []
     if len(streams) > 1 or len(still) > 1:
-        what = f"{_several('stream', list(streams))} could each be the opening of a hand, so none is"
+        what = f"{several('stream', list(streams))} could each be the opening of a hand, so none is"
         advice = "write the drives by hand" if len(still) > 1 else "choose one with --opening"
         return [], [f"{what}: {advice}"]
     (name, values), hand = next(iter(streams.items())), still[0]
@@ -236,14 +157,28 @@ def _opening(
     return moved, [said]
 
 
+def _posed(drive: Drive, values: NDArray[np.float64], quaternion: str) -> Drive:
+    """Return the drive of a body with the order of its quaternions and the unit of its position.
+
+    Raises:
+        InvalidValueError: The order is needed and not given, or the values are no poses.
+    """
+    if values.shape[1:] == (7,) and not quaternion:
+        raise InvalidValueError(
+            f"stream {drive.stream!r} poses body {drive.body!r}, but no value tells whether its quaternions are "
+            "w x y z or x y z w: say so with --quaternion wxyz or --quaternion xyzw"
+        )
+    drive = replace(drive, quaternion=quaternion or "wxyz")
+    places = drive.to_scene(values[known_samples(values)])[:, :3]
+    return replace(drive, unit="mm" if np.abs(places).max() > _FARTHEST else "m")
+
+
 def _measured(model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64]) -> Drive:
     """Return the drive with the unit in which the values are within its limits.
 
     Raises:
         InvalidValueError: There is no such unit.
     """
-    if drive.body:
-        return replace(drive, unit="mm" if np.nanmax(np.abs(values[:, :3])) > 10 else "m")
     family = units.LENGTH if int(model.joint(drive.joint).type[0]) == _SLIDE else units.ANGLE
     unit = next(iter(family))
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
@@ -269,11 +204,11 @@ def _in_one_unit(model: mujoco.MjModel, drives: Sequence[Drive], streams: Stream
     too = [
         drive
         for drive in drives
-        if drive.unit == "rad" and _is_near(model, drive.joint, deg * streams[drive.stream], (1.0,))
+        if drive.unit == "rad" and is_near(model, drive.joint, deg * streams[drive.stream], (1.0,))
     ]
     changed = [replace(drive, unit="deg") if drive in too else drive for drive in drives]
     names = [drive.stream for drive in too]
-    return changed, [f"{_several('stream', names)} could be in rad too, but {degrees!r} is in deg"] if too else []
+    return changed, [f"{several('stream', names)} could be in rad too, but {degrees!r} is in deg"] if too else []
 
 
 def _stepped(drive: Drive, values: NDArray[np.float64]) -> Drive:
@@ -282,15 +217,27 @@ def _stepped(drive: Drive, values: NDArray[np.float64]) -> Drive:
     return replace(drive, resolution=float(f"{step:.6g}")) if step else drive
 
 
-def _objects(model: mujoco.MjModel, driven: set[str]) -> tuple[tuple[ObjectStart, ...], list[str]]:
+def _objects(model: mujoco.MjModel, pads: Pads, driven: Collection[str]) -> tuple[tuple[ObjectStart, ...], list[str]]:
+    """Return the start of each body with a free joint that no stream poses, and what is in doubt about all of them."""
+    carrying = {body for pad in pads.bodies for body in bodies_above(model, int(pad))}
     starts, said = [], []
     for body in range(1, model.nbody):
         name = model.body(body).name
-        if not _is_object(model, body) or name in driven:
+        if not is_object(model, body):
             continue
+        if name in driven:
+            if body not in carrying:
+                said.append(
+                    f"object {name!r} follows its stream throughout, whatever touches it; to place it only at the "
+                    "start of each episode, put the stream into a [[start]] instead of the [[drive]]"
+                )
+            continue
+        if body in carrying:
+            said.append(f"body {name!r} carries pads and moves freely, but no stream poses it, so it falls")
+        else:
+            said.append(f"object {name!r} starts at its pose in the MJCF: check that it was there in the experiment")
         pose = model.qpos0[(at := int(model.jnt_qposadr[model.body_jntadr[body]])) : at + 7]
         starts.append(ObjectStart(name, tuple(pose[:3].tolist()), tuple(pose[3:].tolist())))
-        said.append(f"object {name!r} starts at its pose in the MJCF: check that it was there in the experiment")
     return tuple(starts), said
 
 
@@ -300,7 +247,7 @@ def _apart(hands: Sequence[Hand], drives: Sequence[Drive], carried: Collection[s
     if not hands or not outside or any(joint in carried for joint in outside):
         return []
     return [
-        f"{_several('joint', outside)} carry no pad: if they are of the arm that carries the hand, put the hand "
+        f"{several('joint', outside)} carry no pad: if they are of the arm that carries the hand, put the hand "
         "on it with paxisim scene compose --arm ARM --at BODY --hand HAND"
     ]
 
@@ -313,7 +260,7 @@ def _left(model: mujoco.MjModel, hands: Sequence[Hand], drives: Sequence[Drive],
     driven = {drive.joint for drive in drives}
     driven |= {joint for hand in hands if driven & set(hand.joints) for joint in hand.joints}
     still = [
-        model.joint(i).name for i in range(model.njnt) if _is_scalar(model, i) and model.joint(i).name not in driven
+        model.joint(i).name for i in range(model.njnt) if is_scalar(model, i) and model.joint(i).name not in driven
     ]
     if still:
         lines.append(f"joints that no stream moves: {', '.join(still)}")

@@ -211,9 +211,9 @@ class Replay:
         for drive in (*self._rig.prescribed, *self._rig.followed):
             values, time = streams.raw_values(part, drive)[new], part.time[new]
             if drive.body:
-                moved = values.copy()
-                moved[:, :3] += shifts.get(drive, 0.0)
-                curves[drive] = PoseCurve(time, drive.to_scene(moved))
+                poses = drive.to_scene(values)
+                poses[:, :3] += drive.gain * shifts.get(drive, 0.0)
+                curves[drive] = PoseCurve(time, poses)
             else:
                 smooth = smooth_within(time, values, self._resolution[drive])
                 curves[drive] = Curve(time, drive.to_scene(smooth + shifts.get(drive, 0.0)))

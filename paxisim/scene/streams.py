@@ -13,6 +13,7 @@ from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
+from paxisim.scene.poses import as_poses, is_pose
 from paxisim.scene.rig import Rig
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -22,7 +23,7 @@ _LISTED = 4  # at most this many episodes are named in a message
 
 
 def driving_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
-    """Return the motion of the drive's target in SI units: ``(T,)``, or ``(T, 3)`` or ``(T, 7)`` for a body.
+    """Return the motion of the drive's target in SI units, for a stream that is known throughout: see `Drive.to_scene`.
 
     Raises:
         UnknownNameError: The recording does not have the stream.
@@ -38,8 +39,8 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
         if values.ndim != 2 or drive.column >= values.shape[1]:
             raise InvalidValueError(f"stream {drive.stream!r} of shape {values.shape} has no column {drive.column}")
         values = values[:, drive.column]
-    expected = "(T, 3) or (T, 7)" if drive.body else "(T,)"
-    fits = values.ndim == 2 and values.shape[1] in (3, 7) if drive.body else values.ndim == 1
+    expected = "(T, 3), (T, 7), (T, 16) or (T, 4, 4)" if drive.body else "(T,)"
+    fits = is_pose(values) if drive.body else values.ndim == 1
     if not fits:
         hint = "; choose one with column = ..." if values.ndim == 2 and not drive.body else ""
         raise InvalidValueError(
@@ -87,7 +88,7 @@ def check_streams(recording: Recording, rig: Rig) -> None:
         values = raw_values(recording, drive)
         _check_known(recording, drive, values)
         if drive.body:
-            _check_pose(drive, values)
+            _check_pose(drive, values[known_samples(values)])
         else:
             _check_limits(drive, values, limits_of(rig.model, drive))
         known = values[known_samples(values)]
@@ -141,20 +142,12 @@ def _check_limits(drive: Drive, values: NDArray[np.float64], limits: tuple[float
 
 
 def _check_pose(drive: Drive, values: NDArray[np.float64]) -> None:
-    reach = float(np.nanmax(np.abs(drive.to_scene(values)[:, :3])))
+    reach = float(np.abs(drive.to_scene(values)[:, :3]).max())
     if reach > _FARTHEST:
         advice = 'its values look like mm: set unit = "mm"' if reach * 1e-3 <= _FARTHEST else "check its unit"
         raise InvalidValueError(
             f"stream {drive.source!r} moves body {drive.body!r} {reach:.4g} m away from the origin; {advice}"
         )
-    if values.shape[1] == 7:
-        norm = np.linalg.norm(values[:, 3:], axis=1)
-        off = np.nanmax(np.abs(norm - 1))
-        if off > 0.01:
-            raise InvalidValueError(
-                f"stream {drive.source!r} must have quaternions w x y z of length 1 in its columns 3 to 6, "
-                f"but one is off by {off:.2g}"
-            )
 
 
 def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]) -> None:
@@ -196,10 +189,10 @@ def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArr
         pose = np.array([*(start.pos or ()), *start.quat], dtype=np.float64)
         return dict.fromkeys(numbers, pose)
     values = _covariate(recording, start.stream)
-    if values.shape[1:] != (7,):
+    if not is_pose(values) or values.shape[1:] == (3,):
         raise InvalidValueError(
-            f"stream {start.stream!r} must be (T, 7), position and quaternion, to start {start.body!r}, "
-            f"got shape {values.shape}"
+            f"stream {start.stream!r} must be (T, 7), position and quaternion, (T, 16) or (T, 4, 4) to start "
+            f"{start.body!r}, got shape {values.shape}"
         )
     known = known_samples(values)
     without = [number for number in numbers if not known[recording.episode == number].any()]
@@ -207,7 +200,8 @@ def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArr
         raise InvalidValueError(
             f"{_listed(without)} without a start pose of {start.body!r}: stream {start.stream!r} is not known there"
         )
-    return {number: values[(recording.episode == number) & known][0] for number in numbers}
+    first = {number: values[(recording.episode == number) & known][:1] for number in numbers}
+    return {number: as_poses(one, start.quaternion, start.stream)[0] for number, one in first.items()}
 
 
 def _listed(numbers: list[int]) -> str:

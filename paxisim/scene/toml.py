@@ -45,8 +45,9 @@ _DRIVE = {
     "column": _WHOLE,
     "resolution": _NUMBER,
     "curve": _PAIRS,
+    "quaternion": _TEXT,
 }
-_START = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "stream": _TEXT}
+_START = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "stream": _TEXT, "quaternion": _TEXT}
 _MOUNT = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "replaces": _LIST, "name": _TEXT}
 _GEL = {item.name: _NUMBER for item in fields(Gel)}
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from models.fingers import four_bars, on_arm, robot, two_fingers
 from scene.rigs import path, total
+from scipy.spatial.transform import Rotation
 
 import paxisim
 from paxisim import Drive, Recording, Scene
@@ -198,6 +199,57 @@ def test_bad_input_is_one_line_and_writes_nothing(capsys, changes, words, messag
     (line,) = capsys.readouterr().err.splitlines()
     assert message.replace("x_j", "j") in line
     assert not Path("found.toml").exists()
+
+
+FLOATING = """<body name="{name}base" pos="0 0 0.1"><freejoint/><geom type="box" size=".1 .1 .02" mass="2"/>{arm}</body>
+  <body name="cup" mocap="true"><geom type="box" size="0.015 0.02 0.04"/></body>"""
+
+
+def shapes(places, turns):
+    """Return poses in all the shapes that a stream may have, with the option that they need."""
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = turns.as_matrix(), places
+    xyzw = turns.as_quat()
+    return {
+        "rows": (matrices.reshape(-1, 16), ()),
+        "columns": (matrices.transpose(0, 2, 1).reshape(-1, 16), ()),
+        "4x4": (matrices, ()),
+        "xyzw": (np.hstack([places, xyzw]), ("--quaternion", "xyzw")),
+        "wxyz": (np.hstack([places, xyzw[:, [3, 0, 1, 2]]]), ("--quaternion", "wxyz")),
+    }
+
+
+@pytest.mark.parametrize("shape", ["rows", "columns", "4x4", "xyzw", "wxyz"])
+def test_a_floating_base_and_an_object_follow_their_poses(capsys, shape):
+    """The object stays 30 mm wide between the fingers of a robot that turns about z and moves."""
+    bodies, actuators = two_fingers()
+    model = write(robot((FLOATING.format(name="x_", arm=bodies), actuators)))
+    turns = Rotation.from_rotvec(0.3 * np.outer(WAVE, [0, 0, 1]) + [0, 0, 1])
+    base = np.column_stack([0.05 * WAVE, 0.02 * TIME, 0.3 + 0.01 * TIME])
+    poses, words = shapes(1e3 * base if shape == "wxyz" else base, turns)[shape]
+    cup = shapes(base + [0, 0, 0.04], turns)["rows"][0]
+    scene, _ = found_in({"base_pose": poses, "cup": cup, "width": squeezes()["gripper_width"]}, model, *words)
+    drives = {drive.target: (drive.stream, drive.unit) for drive in scene.drives if drive.body}
+    assert drives == {"x_base": ("base_pose", "mm" if shape == "wxyz" else "m"), "cup": ("cup", "m")}
+    simulated = total(scene.simulate(Recording.load("press.mcap")).simulated)
+    assert simulated[:30].max() == 0
+    assert simulated[65:85].min() > 1
+    assert simulated[130:].max() == 0
+
+
+def test_the_order_of_quaternions_is_asked_for(capsys):
+    bodies, actuators = two_fingers()
+    model = write(robot((FLOATING.format(name="", arm=bodies), actuators)))
+    poses = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(TIME), 1))
+    assert found_in({"base": poses}, model)[0] == 2
+    assert "w x y z or x y z w: say so with --quaternion wxyz or --quaternion xyzw" in capsys.readouterr().err
+    assert found_in({"base": 2 * np.tile(np.eye(4), (len(TIME), 1, 1))}, model)[0] == 2
+    assert "must have homogeneous matrices: a rotation, a position and the row 0 0 0 1" in capsys.readouterr().err
+    scene, _ = found_in({"width": 0.05 + 0.01 * WAVE}, model)
+    assert [start.body for start in scene.start] == ["base"]
+    assert "body 'base' carries pads and moves freely, but no stream poses it" in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 # public hands
