@@ -68,8 +68,9 @@ def scene_compose(
         at: Body or site of the arm that carries the hand.
         hand: MJCF or URDF file of the hand or gripper; without an arm it is where its file puts it.
         table: Middle of the table's top, X,Y,Z in m. The table is 0.6 m x 0.6 m.
-        object: An object that is free to move, once per object: box:AxBxCmm:MASSkg, cylinder:DIAMETERxHEIGHTmm:MASSkg
-            or ball:DIAMETERmm:MASSkg. Objects stand in a row on the table; @X,Y,Z behind one is its centre in m.
+        object: An object that is free to move, once per object: box:AxBxCmm:MASSkg, cylinder:DIAMETERxHEIGHTmm:MASSkg,
+            ball:DIAMETERmm:MASSkg or mesh:FILE:MASSkg (.stl, .obj, .ply). Objects stand in a row on the table; @X,Y,Z
+            behind one is its centre in m.
         output: Output MJCF file, .xml.
         force: Overwrite the output if it exists.
     """
