@@ -82,6 +82,8 @@ def guess_scene(
     if opening and not opened:
         raise InvalidValueError(more[0] if more else "--opening needs a hand with two pads that no other stream moves")
     drives, doubts = drives + opened, doubts + more
+    if not drives and doubts:
+        raise InvalidValueError(doubts[0])
     if not drives:
         joints = ", ".join(name for i in range(model.njnt) if (name := model.joint(i).name)) or "none"
         raise InvalidValueError(
@@ -152,8 +154,8 @@ def _opening(
         return [], [doubt + f"from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; {advice}"]
     moved = [replace(drive, unit=possible[0]) for drive in moved]
     joints = " and ".join(repr(drive.joint) for drive in moved)
-    how = "each move half of it" if not moved[0].curve else "follow a curve from the model's own linkage"
-    said = f"stream {name!r} is taken to be the distance between the pads; {joints} {how}"
+    how = "along a curve from the model's kinematics" if moved[0].curve else "by half of it each"
+    said = f"stream {name!r} is taken to be the distance between the pads; it moves {joints} {how}"
     return moved, [said]
 
 
@@ -247,8 +249,8 @@ def _apart(hands: Sequence[Hand], drives: Sequence[Drive], carried: Collection[s
     if not hands or not outside or any(joint in carried for joint in outside):
         return []
     return [
-        f"{several('joint', outside)} carry no pad: if they are of the arm that carries the hand, put the hand "
-        "on it with paxisim scene compose --arm ARM --at BODY --hand HAND"
+        f"no pad is moved by {several('joint', outside)}: if the hand is on this arm, put it there in the model too, "
+        "with paxisim scene compose --arm ARM --at BODY --hand HAND"
     ]
 
 

@@ -1,5 +1,6 @@
 """`paxisim scene init` finds the drives of a robot that it has never seen."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,9 +68,11 @@ def init(model, *words):
     return Scene.load("found.toml") if status == 0 else status
 
 
-@pytest.mark.parametrize("linkage", [False, True])
-def test_the_drives_of_an_arm_with_a_hand_are_found_and_give_the_same_forces(capsys, linkage):
+@pytest.mark.parametrize(("linkage", "actuated"), [(False, True), (False, False), (True, True)])
+def test_the_drives_of_an_arm_with_a_hand_are_found_and_give_the_same_forces(capsys, linkage, actuated):
     model, streams = write(arm_with(four_bars() if linkage else two_fingers())), squeezes()
+    if not actuated:
+        Path(model).write_text(re.sub("<actuator>.*</actuator>", "", Path(model).read_text(), flags=re.DOTALL))
     if linkage:
         angle = np.arcsin((0.045 - streams["gripper_width"] / 2) / 0.05)
         drives = [*ARM, *(Drive(crank, joint=crank) for crank in CRANKS)]
@@ -85,6 +88,9 @@ def test_the_drives_of_an_arm_with_a_hand_are_found_and_give_the_same_forces(cap
     assert closing == (list(CRANKS) if linkage else ["left", "right"])
     again = total(scene.simulate(Recording.load("press.mcap")).simulated)
     assert np.abs(again - total(forces)).max() < 0.05 * total(forces).max()
+    replay = scene.prepare(Recording.load("press.mcap"))
+    turned = replay.pose(40)[replay.rig.model.joint("x_j0").qposadr[0]]
+    assert turned == pytest.approx(streams["j0"][40], abs=1e-4)
 
 
 def write_log(streams, time=TIME):
@@ -172,6 +178,21 @@ def test_units_and_doubts(capsys, changes, expected, said):
     _, found = found_in(streams, write(arm_with(two_fingers())))
     assert {name: found.get(name) for name in expected} == expected
     assert said in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_hand_that_is_not_on_the_arm_and_two_hands_with_one_opening(capsys):
+    model = write(robot(on_arm(("", "")), two_fingers(pose='pos="1 0 0"')))
+    _, found = found_in({"j0": WAVE, "gripper_width": 0.05 + 0.01 * WAVE}, model)
+    assert found["gripper_width"] == ("right", "m")
+    assert "no pad is moved by joint 'j0': if the hand is on this arm" in " ".join(capsys.readouterr().out.split())
+    model = write(robot(two_fingers("a_"), two_fingers("b_", pose='pos="0 1 0"')))
+    blank({"a_left": 0.01 + 0.01 * WAVE, "gripper_width": 0.05 + 0.01 * WAVE}, pads=4).save("press.mcap")
+    assert {drive.joint for drive in init(model, "--force").drives} == {"a_left", "b_left", "b_right"}
+    blank({"a_palm": 0.01 * WAVE, "gripper_width": 0.05 + 0.01 * WAVE, "gripper_opening": WAVE}, pads=4).save(
+        "press.npz"
+    )
+    assert main(["scene", "init", model, "--recording", "press.npz", "-o", "other.toml"]) == 2
+    assert "'gripper_width', 'gripper_opening' could each be" in capsys.readouterr().err
 
 
 def test_opening_names_the_stream_and_the_closing_one_is_never_that_of_the_arm():
