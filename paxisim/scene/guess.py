@@ -20,7 +20,7 @@ from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
 from paxisim.scene.named import NOT_MOTION, Streams, by_name, is_near, is_object, is_scalar, several
-from paxisim.scene.opening import Hand, closing_stream, hands_of
+from paxisim.scene.opening import TactileHand, closing_stream, hands_of
 from paxisim.scene.scene import Scene
 from paxisim.scene.streams import known_samples, limits_of
 
@@ -122,7 +122,7 @@ def _openings(streams: Streams) -> list[str]:
 
 
 def _opening(
-    model: mujoco.MjModel, hands: Sequence[Hand], streams: Streams, drives: Sequence[Drive]
+    model: mujoco.MjModel, hands: Sequence[TactileHand], streams: Streams, drives: Sequence[Drive]
 ) -> tuple[list[Drive], list[str]]:
     """Return the drives of a stream that is a gripper's opening, and what is in doubt."""
     driven = {drive.joint for drive in drives}
@@ -243,7 +243,7 @@ def _objects(model: mujoco.MjModel, pads: Pads, driven: Collection[str]) -> tupl
     return tuple(starts), said
 
 
-def _apart(hands: Sequence[Hand], drives: Sequence[Drive], carried: Collection[str]) -> list[str]:
+def _apart(hands: Sequence[TactileHand], drives: Sequence[Drive], carried: Collection[str]) -> list[str]:
     """Return a line if joints are driven that carry no pad, though there is a hand."""
     outside = [drive.joint for drive in drives if drive.joint and not any(drive.joint in h.joints for h in hands)]
     if not hands or not outside or any(joint in carried for joint in outside):
@@ -254,7 +254,8 @@ def _apart(hands: Sequence[Hand], drives: Sequence[Drive], carried: Collection[s
     ]
 
 
-def _left(model: mujoco.MjModel, hands: Sequence[Hand], drives: Sequence[Drive], streams: Streams) -> list[str]:
+def _left(model: mujoco.MjModel, hands: Sequence[TactileHand], drives: Sequence[Drive], streams: Streams) -> list[str]:
+    """Return what no stream moves, what moves nothing, and which encoders show no steps."""
     lines = []
     unused = [name for name in streams if name not in {drive.stream for drive in drives}]
     if unused:

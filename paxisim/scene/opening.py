@@ -25,10 +25,11 @@ _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HIN
 _STEP = 1e-3  # m or rad
 _POINTS = 17  # of a curve
 _HOLD = 1.0  # s until a linkage is at rest
+_FINEST = 1e-5  # m, smallest step of a curve
 _MOVES = 1e-3  # m or rad, smallest travel of a joint that closes
 
 
-class Hand:
+class TactileHand:
     """Pads that come together, and the joints that bring them together.
 
     Attributes:
@@ -123,14 +124,17 @@ class Hand:
         joints = [j for name in self.joints if int(model.jnt_dofadr[j := model.joint(name).id]) in dofs]
         if not joints:
             return []
-        address = model.jnt_qposadr[joints]
-        # the stroke ends against the limits of joints, or against the other finger
-        before, after = self.grip.qpos[0, address], self.grip.qpos[-1, address]
-        lead = (self.grip.qpos[:, address[0]] - before[0]) / (after[0] - before[0])
-        frames = [int(np.argmin(np.abs(lead - share))) for share in np.linspace(0, 1, _POINTS)]
-        places = before + np.linspace(0, 1, _POINTS)[:, None] * (after - before)
+        stroke = self.grip.qpos[:, model.jnt_qposadr[joints]]
+        travel = stroke[-1] - stroke[0]
+        if np.any(np.abs(travel) < _MOVES):
+            return []
+        lead = (stroke[:, 0] - stroke[0, 0]) / travel[0]
+        shares = np.linspace(0, 1, _POINTS)
+        # in proportion: while the hand moves, a joint that is coupled to another lags behind
+        places = stroke[0] + shares[:, None] * travel
+        frames = [int(np.argmin(np.abs(lead - share))) for share in shares]
         apart = np.array([self._held(self.grip.qpos[f], joints, q) for f, q in zip(frames, places, strict=True)])
-        if np.any(np.diff(apart) >= 0):
+        if np.any(np.diff(apart) > -_FINEST):
             return []
         return [
             Drive(stream, joint=model.joint(j).name, unit="m", curve=_points(apart[::-1], places[::-1, i]))
@@ -165,21 +169,21 @@ def _points(values: NDArray[np.float64], positions: NDArray[np.float64]) -> tupl
     return tuple((round(value, 6), round(position, 6)) for value, position in zip(values, positions, strict=True))
 
 
-def hands_of(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads) -> list[Hand]:
+def hands_of(spec: mujoco.MjSpec, model: mujoco.MjModel, pads: Pads) -> list[TactileHand]:
     """Return the hands of a model that carry pads.
 
     Raises:
         InvalidValueError: The robot is unstable when its actuators are driven.
     """
     grips = grips_of(spec, [Mount(name) for name in pads.names]) if model.nu else ()
-    found = [Hand(model, pads, grip.pads, grip) for grip in grips if grip.pads]
+    found = [TactileHand(model, pads, grip.pads, grip) for grip in grips if grip.pads]
     if not found and len(pads) > 1:
-        found = [Hand(model, pads, range(len(pads)), None)]
+        found = [TactileHand(model, pads, range(len(pads)), None)]
     return [hand for hand in found if hand.joints]
 
 
 def closing_stream(
-    model: mujoco.MjModel, hands: Sequence[Hand], drives: Sequence[Drive], carried: Collection[str]
+    model: mujoco.MjModel, hands: Sequence[TactileHand], drives: Sequence[Drive], carried: Collection[str]
 ) -> str:
     """Return the stream that brings the pads of a hand together; without a hand, the only one that moves a pad.
 
