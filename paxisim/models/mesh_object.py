@@ -73,10 +73,9 @@ def load_mesh(path: Path) -> MeshObject:
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     mesh.apply_scale(1e-3 if in_mm else 1.0)
     try:
-        hull = mesh.convex_hull
-    except Exception as error:  # of the library behind it, for a flat mesh
+        parts, how = _convex_parts(mesh, mesh.convex_hull)
+    except Exception as error:  # of the libraries behind it, for a flat mesh
         raise InvalidValueError(f"{path} has no volume: expected the mesh of a solid object") from error
-    parts, how = _convex_parts(mesh, hull)
     read = f"{' x '.join(f'{1e3 * length:.4g}' for length in mesh.extents)} mm, read in {'mm' if in_mm else 'm'}"
     return MeshObject(
         tuple(np.array(part.vertices, dtype=float) for part in parts),
@@ -94,8 +93,8 @@ def _convex_parts(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> tuple[list[tr
         return [hull], "convex"
     try:
         found = trimesh.decomposition.convex_decomposition(mesh, maxConvexHulls=_MOST_PARTS)
+        parts = [trimesh.convex.convex_hull(part["vertices"]) for part in found]
     except ImportError:
         larger = f", {100 * (hull.volume / mesh.volume - 1):.0f} % larger than the mesh" if mesh.is_volume else ""
         return [hull], f"its convex hull{larger}, since vhacdx is not installed: pip install vhacdx keeps its hollows"
-    parts = [trimesh.convex.convex_hull(part["vertices"]) for part in found]
     return parts, f"{len(parts)} convex part{'s' * (len(parts) != 1)}"
