@@ -258,6 +258,19 @@ def test_a_floating_base_and_an_object_follow_their_poses(capsys, shape):
     assert simulated[130:].max() == 0
 
 
+@pytest.mark.parametrize("shape", ["rows", "columns", "4x4", "xyzw", "wxyz"])
+def test_an_object_starts_at_the_pose_of_its_stream(shape):
+    cup = '<body name="cup"><freejoint/><geom type="box" size="0.01 0.01 0.01"/></body>'
+    model = write(robot(two_fingers(), world=cup))
+    turns = Rotation.from_rotvec(np.tile([0.1, 0.2, 0.3], (len(TIME), 1)))
+    poses, words = shapes(np.tile([0.3, 0.2, 0.1], (len(TIME), 1)), turns)[shape]
+    start = paxisim.ObjectStart("cup", stream="cup", quaternion=words[1] if words else "wxyz")
+    scene = Scene(model, [Drive("width", joint="left")], start=[start], settle=0.0)
+    replay = scene.prepare(blank({"cup": poses, "width": 0.01 + 0.01 * WAVE}))
+    expected = [0.3, 0.2, 0.1, *turns[0].as_quat()[[3, 0, 1, 2]]]
+    np.testing.assert_allclose(replay.pose(0)[replay.rig.object_address("cup") :][:7], expected, atol=1e-4)
+
+
 def test_the_order_of_quaternions_is_asked_for(capsys):
     bodies, actuators = two_fingers()
     model = write(robot((FLOATING.format(name="", arm=bodies), actuators)))
