@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from pathlib import Path
@@ -316,11 +315,15 @@ def test_a_file_that_is_no_object_is_refused(tmp_path, name, mesh, message):
         compose_scene(hand=HAND, objects=["mesh:none.stl:1kg@0,0,1"])
 
 
-def test_a_mesh_opens_no_file_that_it_names(tmp_path):
-    os.mkfifo(tmp_path / "paint.mtl")  # opening it would wait for ever
+def test_a_mesh_opens_no_file_that_it_names(tmp_path, monkeypatch):
+    opened = []
+    own = open
+    monkeypatch.setattr("builtins.open", lambda path, *rest, **more: opened.append(path) or own(path, *rest, **more))
+    (tmp_path / "paint.mtl").write_text("newmtl paint\n")
     (tmp_path / "brick.obj").write_text("mtllib paint.mtl\nusemtl paint\n" + BRICK.export(file_type="obj"))
     scene = compose_scene(hand=HAND, table=(0, 0, -0.3), objects=[f"mesh:{tmp_path}/brick.obj:1kg"])
     assert "brick: 30 x 20 x 50 mm, read in m; convex" in scene.report
+    assert {Path(path).name for path in opened if isinstance(path, (str, Path))} == {"brick.obj"}
 
 
 # bad input

@@ -86,6 +86,7 @@ def test_the_drives_of_an_arm_with_a_hand_are_found_and_give_the_same_forces(cap
     assert scene.closing == "gripper_width"
     closing = [drive.joint for drive in scene.drives if drive.stream == "gripper_width"]
     assert closing == (list(CRANKS) if linkage else ["left", "right"])
+    assert scene.parameters()["joint_offset_gripper_width"].unit == "m"
     again = total(scene.simulate(Recording.load("press.mcap")).simulated)
     assert np.abs(again - total(forces)).max() < 0.05 * total(forces).max()
     replay = scene.prepare(Recording.load("press.mcap"))
