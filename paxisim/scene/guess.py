@@ -129,34 +129,44 @@ def _opening(
     still = [hand for hand in hands if len(hand.pads) == 2 and not driven & set(hand.joints)]
     if not streams or not still:
         return [], []
-    if len(streams) > 1 or len(still) > 1:
-        what = f"{several('stream', list(streams))} could each be the opening of a hand, so none is"
-        advice = "write the drives by hand" if len(still) > 1 else "choose one with --opening"
-        return [], [f"{what}: {advice}"]
-    (name, values), hand = next(iter(streams.items())), still[0]
-    moved = hand.drives(name)
+    if len(still) > 1:
+        what = f"{several('stream', list(streams))} could be the opening of {len(still)} hands, so none moves"
+        return [], [f"{what}: write the drives by hand"]
+    moved = still[0].drives(next(iter(streams)))
     if not moved:
-        doubt = f"stream {name!r} moves nothing: the distance between the pads does not grow steadily with the joints "
-        return [], [doubt + f"that move them ({', '.join(hand.joints)}); write its drive by hand"]
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        return [], [
+            f"{several('stream', list(streams))} cannot be the opening of the hand: the distance between the pads does "
+            f"not grow steadily with the joints that move them ({', '.join(still[0].joints)}); write the drive by hand"
+        ]
     ends = sorted(((np.array(limits_of(model, moved[0])) - moved[0].offset) / moved[0].scale).tolist())
-    possible = [
-        unit
-        for unit, factor in units.LENGTH.items()
-        if units.is_within(factor * low, factor * high, (ends[0], ends[1]))
-        and (unit == "m" or factor * high > _LEAST_OPENING * ends[1])
-    ]
-    if not possible:
-        doubt = (
-            f"stream {name!r} moves nothing: it goes from {low:.4g} to {high:.4g}, and the distance between the pads "
-        )
-        advice = "it may be a share, a count or an angle; write its drive by hand"
-        return [], [doubt + f"from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; {advice}"]
-    moved = [replace(drive, unit=possible[0]) for drive in moved]
+    unit_of = {name: unit for name, values in streams.items() if (unit := _opening_unit(values, (ends[0], ends[1])))}
+    if len(unit_of) > 1:
+        what = f"{several('stream', list(unit_of))} could each be the opening of a hand, so none is"
+        return [], [f"{what}: choose one with --opening"]
+    if not unit_of:
+        name, values = next(iter(streams.items()))
+        return [], [
+            f"stream {name!r} moves nothing: it goes from {np.nanmin(values):.4g} to {np.nanmax(values):.4g}, and the "
+            f"distance between the pads from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; it may be a share, a count "
+            "or an angle; write its drive by hand"
+        ]
+    ((name, unit),) = unit_of.items()
     joints = " and ".join(repr(drive.joint) for drive in moved)
     how = "along a curve from the model's kinematics" if moved[0].curve else "by half of it each"
     said = f"stream {name!r} is taken to be the distance between the pads; it moves {joints} {how}"
-    return moved, [said]
+    return [replace(drive, stream=name, unit=unit) for drive in moved], [said]
+
+
+def _opening_unit(values: NDArray[np.float64], ends: tuple[float, float]) -> str:
+    """Return the unit in which a stream that moves is within the ends (m) of an opening; empty if there is none."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    fits = (
+        unit
+        for unit, factor in units.LENGTH.items()
+        if units.is_within(factor * low, factor * high, ends)
+        and (unit == "m" or factor * high > _LEAST_OPENING * ends[1])
+    )
+    return next(fits, "") if high > low else ""
 
 
 def _posed(drive: Drive, values: NDArray[np.float64], quaternion: str) -> Drive:
