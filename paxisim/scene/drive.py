@@ -78,7 +78,7 @@ class Drive:
             raise InvalidValueError(f"the resolution of the drive of {self.stream!r} must be 0 or more")
         if self.column is not None and self.column < 0:
             raise InvalidValueError(f"the column of the drive of {self.stream!r} must be 0 or more, got {self.column}")
-        if self.curve:
+        if len(self.curve):
             object.__setattr__(self, "curve", self._checked_curve())
 
     def _checked_curve(self) -> tuple[tuple[float, float], ...]:

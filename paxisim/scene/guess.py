@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,14 +18,13 @@ from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
-from paxisim.scene.named import NOT_MOTION, Streams, by_name, is_near, is_object, is_scalar, several
-from paxisim.scene.opening import TactileHand, closing_stream, hands_of
+from paxisim.scene.named import Streams, by_name, is_near, is_object, is_scalar, several
+from paxisim.scene.opening import opening_drives, openings
 from paxisim.scene.scene import Scene
 from paxisim.scene.streams import known_samples, limits_of
+from paxisim.scene.tactile_hand import TactileHand, closing_stream, hands_of
 
-_OPENING = re.compile(r"opening|width|aperture|gripper", re.IGNORECASE)
 _FARTHEST = 10.0  # m; a body further away is in mm
-_LEAST_OPENING = 0.1  # share of the largest opening; a stream in mm that stays below it may be a share
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
@@ -77,8 +75,8 @@ def guess_scene(
         for drive in drives
     ]
     taken = {drive.stream for drive in drives}
-    candidates = [opening] if opening else [name for name in _openings(streams) if name not in taken]
-    opened, more = _opening(model, hands, {name: streams[name] for name in candidates}, drives)
+    candidates = [opening] if opening else [name for name in openings(streams) if name not in taken]
+    opened, more = opening_drives(model, hands, {name: streams[name] for name in candidates}, drives)
     if opening and not opened:
         raise InvalidValueError(more[0] if more else "--opening needs a hand with two pads that no other stream moves")
     drives, doubts = drives + opened, doubts + more
@@ -114,59 +112,6 @@ def _moving_pads(model: mujoco.MjModel, pads: Pads) -> set[str]:
     """Return the names of the joints that move the pads."""
     above = {body for pad in pads.bodies for body in (int(pad), *bodies_above(model, int(pad)))}
     return {model.joint(j).name for j in range(model.njnt) if int(model.jnt_bodyid[j]) in above}
-
-
-def _openings(streams: Streams) -> list[str]:
-    """Return the names of streams that may be the opening of a gripper."""
-    return [n for n, v in streams.items() if v.ndim == 1 and _OPENING.search(n) and not NOT_MOTION.search(n)]
-
-
-def _opening(
-    model: mujoco.MjModel, hands: Sequence[TactileHand], streams: Streams, drives: Sequence[Drive]
-) -> tuple[list[Drive], list[str]]:
-    """Return the drives of a stream that is a gripper's opening, and what is in doubt."""
-    driven = {drive.joint for drive in drives}
-    still = [hand for hand in hands if len(hand.pads) == 2 and not driven & set(hand.joints)]
-    if not streams or not still:
-        return [], []
-    if len(still) > 1:
-        what = f"{several('stream', list(streams))} could be the opening of {len(still)} hands, so none moves"
-        return [], [f"{what}: write the drives by hand"]
-    moved = still[0].drives(next(iter(streams)))
-    if not moved:
-        return [], [
-            f"{several('stream', list(streams))} cannot be the opening of the hand: the distance between the pads does "
-            f"not grow steadily with the joints that move them ({', '.join(still[0].joints)}); write the drive by hand"
-        ]
-    ends = sorted(((np.array(limits_of(model, moved[0])) - moved[0].offset) / moved[0].scale).tolist())
-    unit_of = {name: unit for name, values in streams.items() if (unit := _opening_unit(values, (ends[0], ends[1])))}
-    if len(unit_of) > 1:
-        what = f"{several('stream', list(unit_of))} could each be the opening of a hand, so none is"
-        return [], [f"{what}: choose one with --opening"]
-    if not unit_of:
-        name, values = next(iter(streams.items()))
-        return [], [
-            f"stream {name!r} moves nothing: it goes from {np.nanmin(values):.4g} to {np.nanmax(values):.4g}, and the "
-            f"distance between the pads from {1e3 * ends[0]:.4g} to {1e3 * ends[1]:.4g} mm; it may be a share, a count "
-            "or an angle; write its drive by hand"
-        ]
-    ((name, unit),) = unit_of.items()
-    joints = " and ".join(repr(drive.joint) for drive in moved)
-    how = "along a curve from the model's kinematics" if moved[0].curve else "by half of it each"
-    said = f"stream {name!r} is taken to be the distance between the pads; it moves {joints} {how}"
-    return [replace(drive, stream=name, unit=unit) for drive in moved], [said]
-
-
-def _opening_unit(values: NDArray[np.float64], ends: tuple[float, float]) -> str:
-    """Return the unit in which a stream that moves is within the ends (m) of an opening; empty if there is none."""
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    fits = (
-        unit
-        for unit, factor in units.LENGTH.items()
-        if units.is_within(factor * low, factor * high, ends)
-        and (unit == "m" or factor * high > _LEAST_OPENING * ends[1])
-    )
-    return next(fits, "") if high > low else ""
 
 
 def _posed(drive: Drive, values: NDArray[np.float64], quaternion: str) -> Drive:
