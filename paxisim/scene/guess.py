@@ -57,7 +57,8 @@ def guess_scene(
 
     Raises:
         InvalidValueError: The model cannot be read or has no pads, no stream matches anything in it, the values of a
-            stream are beyond the limits of its joint in every unit, or the order of a quaternion is not given.
+            stream are beyond the limits of its joint in every unit, the order of a quaternion is not given, or
+            `opening` cannot be one.
         UnknownNameError: There is no stream `opening`.
     """
     spec = load_spec(mjcf)
@@ -67,6 +68,10 @@ def guess_scene(
     streams = {name: values for name, values in recording.covariates.items() if np.isfinite(values).any()}
     if opening and opening not in streams:
         raise UnknownNameError("stream", opening, streams, "expected among the recording's covariates (--opening)")
+    if opening and streams[opening].ndim != 1:
+        raise InvalidValueError(
+            f"--opening must name a stream of one number per sample, got {opening!r} of shape {streams[opening].shape}"
+        )
     drives, found, doubts = by_name(model, {name: values for name, values in streams.items() if name != opening})
     drives = [
         _posed(drive, streams[drive.stream], quaternion)

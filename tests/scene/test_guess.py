@@ -211,6 +211,8 @@ def test_opening_names_the_stream_and_the_closing_one_is_never_that_of_the_arm()
     [
         ({"j1": 400 + TIME}, (), "'j1' goes from 400 to 403, which no unit of rad, deg brings into the limits"),
         ({}, ("--opening", "j9"), "unknown stream 'j9'"),
+        ({"a": np.zeros((150, 2))}, ("--opening", "a"), "one number per sample, got 'a' of shape (150, 2)"),
+        ({"left": 0.01 + 0.01 * WAVE}, ("--opening", "gripper_width"), "needs a hand with two pads that no other"),
         ({"gripper_width": TIME * 90}, ("--opening", "gripper_width"), "it may be a share, a count or an angle"),
     ],
 )  # fmt: skip
