@@ -30,7 +30,8 @@ from paxisim.cli.pad import pad
 from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
-from paxisim.cli.scene import scene_compose, scene_init, scene_make
+from paxisim.cli.scene import scene_compose, scene_make
+from paxisim.cli.scene_init import scene_init
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
 from paxisim.errors import PaxisimError

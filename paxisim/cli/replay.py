@@ -19,6 +19,7 @@ def replay(
     recording: Annotated[Path, tyro.conf.Positional],
     *,
     scene: Path,
+    streams: tuple[Path, ...] = (),
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     mode: Literal["kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
@@ -41,6 +42,7 @@ def replay(
     Args:
         recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a motion (.json).
         scene: Scene file, .toml.
+        streams: Files with more streams of the same motion, such as the robot's log; as for `paxisim convert`.
         output: Output file, .mcap or .npz.
         mode: How the scene follows the motion; default: as the scene file states.
             kinematic: exact poses.
@@ -68,7 +70,9 @@ def replay(
         loaded_scene = replace(loaded_scene, mode=mode)
     progress(f"reading {recording}")
     protocol = Protocol.load(recording) if recording.suffix.lower() == ".json" else None
-    loaded = Recording.load(recording) if protocol is None else protocol.unrecorded(loaded_scene)
+    if protocol is not None and streams:
+        raise InvalidValueError("--streams adds to a recording, but the motion of a protocol is complete: leave it out")
+    loaded = Recording.load(recording, streams=streams) if protocol is None else protocol.unrecorded(loaded_scene)
     kept = output.with_name(f".{output.name}.episodes")
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)

@@ -83,7 +83,7 @@ def _check_covariates(number: int, part: RecordingArrays, first: RecordingArrays
 
 
 def _merged(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the entries that all parts share; tables keyed by episode are joined, and the worst of each doubt is kept."""
+    """Return the entries that all parts share; tables keyed by episode are joined, and the worst doubts are kept."""
     out = {name: value for name, value in parts[0].items() if all(_same(name, value, part) for part in parts[1:])}
     if any("tasks" in part for part in parts):
         out["tasks"] = _joined(parts, "tasks")

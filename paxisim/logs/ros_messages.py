@@ -6,6 +6,7 @@
 | ``geometry_msgs/WrenchStamped`` | ``topic/force`` (N), ``topic/torque`` (Nm) |
 | ``sensor_msgs/MagneticField`` | ``topic/magnetic_field`` (T) |
 | ``std_msgs/Float64MultiArray``, ``Float32MultiArray`` | ``topic/data``, in the shape of its layout if that fits |
+| ``tf2_msgs/TFMessage`` | ``CHILD_FRAME``: the pose of a frame that moves, see `paxisim.logs.ros_frames` |
 | ``SensStream`` of XELA's server | ``topic/MODEL_N/forces`` (N) and ``topic/MODEL_N/counts`` of each sensor N, \
 ``(taxels, 3)`` |
 
@@ -23,6 +24,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+
+from paxisim.logs.ros_frames import transform_samples
 
 # name within the topic, which begins with "/" if the topic is part of the stream's name; time (ns) or None; numbers
 Sample = tuple[str, "int | None", Any]
@@ -120,6 +123,7 @@ _PARSERS: dict[str, Callable[[Any], Iterator[Sample]]] = {
     "sensor_msgs/MagneticField": _field,
     "std_msgs/Float64MultiArray": _array,
     "std_msgs/Float32MultiArray": _array,
+    "tf2_msgs/TFMessage": transform_samples,
 }
 XELA_TYPES = ("xela_server_ros/SensStream", "xela_server_ros2/SensStream")
 TYPES = (*_PARSERS, *XELA_TYPES)

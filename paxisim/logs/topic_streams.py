@@ -12,6 +12,7 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
+from paxisim.logs.ros_frames import is_frame, poses_in_root
 from paxisim.logs.ros_messages import TYPES, Sample
 from paxisim.logs.stream import Stream
 
@@ -69,9 +70,12 @@ class TopicStreams:
         """Return the streams by name, without those of some topics; a name of several topics begins with its topic."""
         left_out = set(without)
         names = Counter(name for topic, name in self._samples if topic not in left_out)
-        found = {}
+        transforms = {name: samples.stream() for (_, name), samples in self._samples.items() if is_frame(name)}
+        found, lost = poses_in_root(transforms)
+        if lost:
+            warnings.warn(f"{self.path}: frames on others that move were left out: {', '.join(lost)}", stacklevel=6)
         for (topic, name), samples in self._samples.items():
-            if topic not in left_out:
+            if topic not in left_out and not is_frame(name):
                 is_full = name.startswith("/") or names[name] > 1
                 found[f"{topic.strip('/')}/{name.removeprefix('/')}" if is_full else name] = samples.stream()
         return found

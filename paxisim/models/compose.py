@@ -80,8 +80,9 @@ def compose_scene(
         hand: The same for a hand or a gripper, with or without pads. Without an arm, it is where its file puts it.
         at: Name of the body or site of the arm that carries the hand.
         table: ``(x, y, z)`` of the middle of the table's top (m). The table is 0.6 m x 0.6 m.
-        objects: ``box:AxBxCmm:MASSkg``, ``cylinder:DIAMETERxHEIGHTmm:MASSkg`` or ``ball:DIAMETERmm:MASSkg``. They stand
-            in a row on the table, or have their centre where ``@X,Y,Z`` (m) behind this text says.
+        objects: ``box:AxBxCmm:MASSkg``, ``cylinder:DIAMETERxHEIGHTmm:MASSkg``, ``ball:DIAMETERmm:MASSkg`` or
+            ``mesh:FILE:MASSkg``. They stand in a row on the table, or have their centre, for a mesh that of its
+            bounding box, where ``@X,Y,Z`` (m) behind this text says.
 
     Returns:
         The scene, not compiled.
@@ -90,6 +91,7 @@ def compose_scene(
         InvalidValueError: A file cannot be read or compiled, the options contradict one another, an object cannot be
             parsed or placed, or it would be inside something.
         UnknownNameError: The arm has no such body or site.
+        FileNotFoundError: The mesh of an object does not exist.
     """
     if not isinstance(at, str):
         raise InvalidValueError(f"at must be the name of a body or site, got {at!r:.80}")
@@ -99,7 +101,8 @@ def compose_scene(
     top = None if table is None else check_point(table, f"{table!r:.80}")
     centres = place_on_table(wanted, top)
     spec, poses, prefix, lines = _robot(arm, hand, at)
-    taken = {body.name for body in spec.bodies} | {geom.name for geom in spec.geoms} | {j.name for j in spec.joints}
+    kinds = (spec.bodies, spec.geoms, spec.joints, spec.meshes)
+    taken = {element.name for elements in kinds for element in elements}
     # what is added touches whatever else touches anything
     bits = int(np.bitwise_or.reduce([1, *(geom.contype | geom.conaffinity for geom in spec.geoms)]))
     added: list[str] = []
@@ -108,9 +111,11 @@ def compose_scene(
         add_table(spec, added[-1], top, bits)
         lines.append(f"{added[-1]}: its top at {_point(top)} m")
     for one, centre in zip(wanted, centres, strict=True):
-        added.append(_free_name(one.shape, taken | set(added)))
+        added.append(_free_name(one.name, taken | set(added)))
         add_object(spec, added[-1], one, centre, bits)
         lines.append(f"{added[-1]} ({one.text.partition('@')[0]}): its centre at {_point(centre)} m")
+        if one.mesh is not None:
+            lines.append(f"{added[-1]}: {one.mesh.report}")
     start = compile_whole(spec, "the scene").qpos0
     for name, pose in poses.items():
         qpos = [*pose.qpos, *start[len(pose.qpos) :]]

@@ -9,13 +9,18 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from paxisim.errors import InvalidValueError
+from paxisim.models.mesh_object import MeshObject, load_mesh
 
-SYNTAX = "box:AxBxCmm:MASSkg, cylinder:DIAMETERxHEIGHTmm:MASSkg or ball:DIAMETERmm:MASSkg, with @X,Y,Z (m) behind it"
+SYNTAX = (
+    "box:AxBxCmm:MASSkg, cylinder:DIAMETERxHEIGHTmm:MASSkg, ball:DIAMETERmm:MASSkg or mesh:FILE:MASSkg, with @X,Y,Z "
+    "(m) behind it"
+)
 """How an object is given."""
 
 _TABLE = (0.6, 0.6, 0.02)  # m, its width, depth and thickness
@@ -24,35 +29,42 @@ _SIZES = (1e-3, 1.0)  # m
 _MASSES = (1e-4, 100.0)  # kg
 _NUMBER = r"\d+(?:\.\d+)?"
 _OBJECT = re.compile(
-    rf"(?P<shape>[a-z]+):(?P<size>{_NUMBER}(?:x{_NUMBER})*)mm:(?P<mass>{_NUMBER})kg(?:@(?P<pos>[^@]*))?", re.ASCII
+    rf"(?:(?P<shape>[a-z]+):(?P<size>{_NUMBER}(?:x{_NUMBER})*)mm|mesh:(?P<file>.+)):(?P<mass>{_NUMBER})kg"
+    r"(?:@(?P<pos>[^@]*))?",
+    re.ASCII,
 )
 _LENGTHS = {"box": 3, "cylinder": 2, "ball": 1}
 _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "mesh": mujoco.mjtGeom.mjGEOM_MESH,
 }
 # the model's defaults apply to whatever is not given here
 _PLAIN = {"friction": [1, 0.005, 1e-4], "condim": 4, "priority": 0, "solmix": 1, "margin": 0, "gap": 0, "group": 0}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TableObject:
     """A rigid object.
 
     Attributes:
-        shape: ``"box"``, ``"cylinder"`` or ``"ball"``.
+        shape: ``"box"``, ``"cylinder"``, ``"ball"`` or ``"mesh"``.
+        name: The name it is given, if that is free.
         size: Its lengths along x, y and z; a diameter and a height; or a diameter.
         mass: Its mass.
-        pos: Its centre; None: on the table.
+        pos: Its centre, for a mesh that of its bounding box; None: on the table.
         text: What it was given as.
+        mesh: Its mesh, if it has one.
     """
 
     shape: str
+    name: str
     size: tuple[float, ...]
     mass: float
     pos: tuple[float, float, float] | None
     text: str
+    mesh: MeshObject | None = None
 
     @property
     def height(self) -> float:
@@ -62,27 +74,34 @@ class TableObject:
     @property
     def across(self) -> float:
         """Diameter of the circle around it, seen from above."""
-        return math.hypot(*self.size[:2]) if self.shape == "box" else self.size[0]
+        return math.hypot(*self.size[:2]) if len(self.size) == 3 else self.size[0]
 
 
 def parse_object(text: str) -> TableObject:
     """Parse an object.
 
     Raises:
-        InvalidValueError: The text does not follow `SYNTAX`, or a number is out of range.
+        InvalidValueError: The text does not follow `SYNTAX`, a number is out of range, or the mesh cannot be used.
+        FileNotFoundError: The mesh does not exist.
     """
     match = _OBJECT.fullmatch(text) if isinstance(text, str) else None
     if match is None:
         raise InvalidValueError(f"an object must be {SYNTAX}, got {text!r:.80}")
-    shape, lengths = match["shape"], match["size"].split("x")
-    if len(lengths) != _LENGTHS.get(shape):
-        raise InvalidValueError(f"an object must be {SYNTAX}, got {text!r:.80}")
-    size, mass = tuple(1e-3 * float(length) for length in lengths), float(match["mass"])
+    mesh, shape, name = None, match["shape"], match["shape"]
+    if match["file"] is None:
+        size = tuple(1e-3 * float(length) for length in match["size"].split("x"))
+        if len(size) != _LENGTHS.get(shape):
+            raise InvalidValueError(f"an object must be {SYNTAX}, got {text!r:.80}")
+    else:
+        mesh, shape = load_mesh(Path(match["file"])), "mesh"
+        size, name = tuple(mesh.size.tolist()), re.sub(r"\W+", "_", Path(match["file"]).stem)
+    mass = float(match["mass"])
     if not all(_SIZES[0] <= length <= _SIZES[1] for length in size):
         raise InvalidValueError(f"the lengths of an object must lie between 1 and 1000 mm, got {text!r:.80}")
     if not _MASSES[0] <= mass <= _MASSES[1]:
         raise InvalidValueError(f"the mass of an object must lie between 0.0001 and 100 kg, got {text!r:.80}")
-    return TableObject(shape, size, mass, None if match["pos"] is None else parse_point(match["pos"], text), text)
+    pos = None if match["pos"] is None else parse_point(match["pos"], text)
+    return TableObject(shape, name, size, mass, pos, text, mesh)
 
 
 def parse_point(text: str, where: str) -> tuple[float, float, float]:
@@ -163,20 +182,31 @@ def add_object(spec: mujoco.MjSpec, name: str, one: TableObject, centre: tuple[f
 
     Args:
         spec: Spec to add it to.
-        name: Name of its body, joint and geom.
+        name: Name of its body, joint and geom; those of the parts of a mesh are numbered.
         one: The object.
         centre: Its centre.
         bits: Contact bits.
     """
     body = spec.worldbody.add_body(name=name, pos=centre)
     body.add_freejoint(name=name)
-    # a cylinder has its radius and half its length, the others half their lengths
-    _add_geom(body, name, one.shape, np.array(one.size) / 2, one.mass, bits, [0.25, 0.5, 0.75, 1])
+    rgba = [0.25, 0.5, 0.75, 1]
+    if one.mesh is None:
+        # a cylinder has its radius and half its length, the others half their lengths
+        _add_geom(body, name, one.shape, np.array(one.size) / 2, one.mass, bits, rgba)
+        return
+    whole = sum(one.mesh.volumes)
+    for i, (corners, volume) in enumerate(zip(one.mesh.parts, one.mesh.volumes, strict=True)):
+        part = name if len(one.mesh.parts) == 1 else f"{name}/{i}"
+        spec.add_mesh(name=part, uservert=corners.ravel())
+        _add_geom(body, part, "mesh", (), one.mass * volume / whole, bits, rgba, meshname=part)
 
 
-def _add_geom(body: mujoco.MjsBody, name: str, shape: str, half, mass: float, bits: int, rgba: list[float]) -> None:
+def _add_geom(
+    body: mujoco.MjsBody, name: str, shape: str, half, mass: float, bits: int, rgba: list[float], **more: str
+) -> None:
     size = np.zeros(3)
     size[: len(half)] = half
+    kind = _GEOMS[shape]
     body.add_geom(
-        name=name, type=_GEOMS[shape], size=size, mass=mass, contype=bits, conaffinity=bits, rgba=rgba, **_PLAIN
+        name=name, type=kind, size=size, mass=mass, contype=bits, conaffinity=bits, rgba=rgba, **_PLAIN, **more
     )

@@ -141,6 +141,11 @@ class EpisodeRunner:
         pad = self._rig.pads.bodies[0]
         return data.xpos[pad].copy(), data.xquat[pad].copy()
 
+    @property
+    def qpos(self) -> NDArray[np.float64]:
+        """``(nq,)`` positions at the end of the last episode that was run."""
+        return self._data.qpos.copy()
+
     def clearance(self, motion: Motion, time: float) -> float:
         """Return the distance (m) from the pads to the nearest geom they could touch, at a time of the motion.
 

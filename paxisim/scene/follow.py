@@ -27,7 +27,7 @@ class Follower:
         scene: The scene.
         rig: The compiled scene.
         runner: The simulation, which keeps its state between two parts of an episode.
-        resolution: Step of the encoder of each drive that moves a joint, in SI units; 0 if it shows none.
+        resolution: Step of the encoder of each drive that moves a joint, in its stream's unit; 0 if it shows none.
         objects: Index in ``qpos`` of each object that has a start pose, and that pose in each episode.
     """
 
@@ -89,19 +89,20 @@ class Follower:
     ) -> Motion:
         """Return the motion of an episode without unknown samples, or the part of it at the times `at`.
 
-        `shifts` are added to the motion of drives.
+        `shifts` are added to the streams of drives.
         """
         number = int(part.episode[0])
         new = np.append(True, np.diff(part.time) > 0)  # the splines need increasing times: skip repeated ones
         curves: dict[Drive, Curve | PoseCurve] = {}
         for drive in (*self.rig.prescribed, *self.rig.followed):
-            values, time = streams.driving_values(part, drive)[new], part.time[new]
+            values, time = streams.raw_values(part, drive)[new], part.time[new]
             if drive.body:
-                values[:, :3] += shifts.get(drive, 0.0)
-                curves[drive] = PoseCurve(time, values)
+                poses = drive.to_scene(values)
+                poses[:, :3] += drive.gain * shifts.get(drive, 0.0)
+                curves[drive] = PoseCurve(time, poses)
             else:
                 smooth = smooth_within(time, values, self.resolution[drive])
-                curves[drive] = Curve(time, smooth + shifts.get(drive, 0.0))
+                curves[drive] = Curve(time, drive.to_scene(smooth + shifts.get(drive, 0.0)))
         commands = {drive: streams.driving_values(part, drive) for drive in self.rig.commands}
         objects = tuple((address, poses[number]) for address, poses in self.objects)
         motion = Motion(number, part.time, curves, commands, objects)
@@ -110,8 +111,8 @@ class Follower:
         return replace(motion, time=at, commands={d: np.interp(at, part.time, v) for d, v in commands.items()})
 
     def closed(self, closing: float) -> Mapping[Drive, float]:
-        """Return how far each drive moves if `closing`, in the stream's unit, is added to the closing stream."""
-        return {drive: drive.gain * closing for drive in self.scene.drives if drive.stream == self.scene.closing}
+        """Return what is added to the stream of each drive if `closing` is added to the closing stream."""
+        return {drive: closing for drive in self.scene.drives if drive.stream == self.scene.closing}
 
     def closing_step(self) -> float:
         """Return the change of the closing stream, in its unit, that moves its first drive by 1 mm or 1 mrad."""

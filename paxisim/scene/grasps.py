@@ -52,7 +52,7 @@ def by_grasp(
         follower: The scene and its streams.
         part: The samples of the episode at which all streams are known, with measured forces.
         closings: Constant to add to the closing stream in each grasp; None to fit it.
-        shifts: Further shifts of single drives, in SI units of their targets.
+        shifts: Further constants to add to the streams of single drives.
 
     Raises:
         InvalidValueError: No closing could be fitted to any grasp, or `closings` has another number of grasps.

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,19 +10,22 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.errors import InvalidValueError
+from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.models.links import bodies_above
 from paxisim.models.load import compile_spec, load_spec
 from paxisim.models.pads import Pads, find_pads
 from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
+from paxisim.scene.named import Streams, by_name, is_near, is_object, is_scalar, several
+from paxisim.scene.opening import opening_drives, openings
 from paxisim.scene.scene import Scene
-from paxisim.scene.streams import limits_of
+from paxisim.scene.streams import known_samples, limits_of
+from paxisim.scene.tactile_hand import TactileHand, closing_stream, hands_of
 
-_OPENING = re.compile(r"opening|width|aperture|gripper", re.IGNORECASE)
-_NOT_MOTION = re.compile(r"force|current|torque|effort|velocity|speed|temp|resultant|command", re.IGNORECASE)
-_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_FARTHEST = 10.0  # m; a body further away is in mm
+_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +34,8 @@ class GuessedScene:
 
     Attributes:
         scene: The guessed scene.
-        found: One line per drive, with the reason for it.
-        open: One line per open question that the user should check.
+        found: One line for each stream that has the name of what it moves.
+        open: One line for each guess and open question that the user should check.
     """
 
     scene: Scene
@@ -41,163 +43,193 @@ class GuessedScene:
     open: tuple[str, ...]
 
 
-def guess_scene(mjcf: Path, recording: Recording, raw: Mapping[str, NDArray[np.float64]] | None = None) -> GuessedScene:
+def guess_scene(
+    mjcf: Path, recording: Recording, raw: Streams | None = None, opening: str = "", quaternion: str = ""
+) -> GuessedScene:
     """Guess which streams of a recording move which parts of a model.
 
     Args:
         mjcf: Path of the model's MJCF file, with pads.
         recording: The recording.
         raw: Covariates as recorded, before they were resampled to one clock; these show encoder steps.
+        opening: Name of the stream that is the opening of a gripper. Default: guessed.
+        quaternion: Order of the quaternions of poses ``(T, 7)``, one of `paxisim.scene.poses.ORDERS`.
 
     Raises:
-        InvalidValueError: The model cannot be read or has no pads, or no stream matches anything in it.
+        InvalidValueError: The model cannot be read or has no pads, no stream matches anything in it, the values of a
+            stream are beyond the limits of its joint in every unit, the order of a quaternion is not given, or
+            `opening` cannot be one.
+        UnknownNameError: There is no stream `opening`.
     """
-    model = compile_spec(load_spec(mjcf), str(mjcf))
+    spec = load_spec(mjcf)
+    model = compile_spec(spec, str(mjcf))
     pads = find_pads(model)
+    hands = hands_of(spec, model, pads)
     streams = {name: values for name, values in recording.covariates.items() if np.isfinite(values).any()}
-    drives, found = _by_name(model, streams)
-    if not any(drive.joint in _moving_pads(model, pads) for drive in drives):
-        opening, said = _opening(model, pads, streams, {drive.stream for drive in drives})
-        drives, found = drives + opening, found + said
+    if opening and opening not in streams:
+        raise UnknownNameError("stream", opening, streams, "expected among the recording's covariates (--opening)")
+    if opening and streams[opening].ndim != 1:
+        raise InvalidValueError(
+            f"--opening must name a stream of one number per sample, got {opening!r} of shape {streams[opening].shape}"
+        )
+    drives, found, doubts = by_name(model, {name: values for name, values in streams.items() if name != opening})
+    drives = [
+        _posed(drive, streams[drive.stream], quaternion)
+        if drive.body
+        else _measured(model, drive, streams[drive.stream])
+        for drive in drives
+    ]
+    taken = {drive.stream for drive in drives}
+    candidates = [opening] if opening else [name for name in openings(streams) if name not in taken]
+    opened, more = opening_drives(model, hands, {name: streams[name] for name in candidates}, drives)
+    if opening and not opened:
+        raise InvalidValueError(more[0] if more else "--opening needs a hand with two pads that no other stream moves")
+    drives, doubts = drives + opened, doubts + more
+    if not drives and doubts:
+        raise InvalidValueError(doubts[0])
     if not drives:
         joints = ", ".join(name for i in range(model.njnt) if (name := model.joint(i).name)) or "none"
         raise InvalidValueError(
             f"no stream of the recording ({', '.join(recording.covariates) or 'it has none'}) has the name of a "
-            f"joint, mocap body or object of the model (joints: {joints}), and none is an opening: write the scene by "
-            "hand"
+            f"joint, mocap body or object of the model (joints: {joints}), and none is an opening: add the streams of "
+            "the robot's log (--streams), or write the scene by hand"
         )
-    drives = [_measured(model, drive, streams[drive.stream], (raw or streams).get(drive.stream)) for drive in drives]
-    start, placed = _objects(model, {drive.body for drive in drives})
-    closing = next((drive.stream for drive in drives if drive.joint in _moving_pads(model, pads)), "")
+    drives, more = _in_one_unit(model, drives, streams)
+    drives = [_stepped(drive, (raw or {}).get(drive.stream, streams[drive.stream])) for drive in drives]
+    start, placed = _objects(model, pads, {drive.body for drive in drives})
+    carried = _moving_pads(model, pads)
+    closing = closing_stream(model, hands, drives, carried)
     scene = Scene(mjcf, tuple(drives), closing=closing, start=start)
-    return GuessedScene(scene, tuple(found), tuple(placed + _left(model, drives, streams)))
-
-
-def _plain(name: str) -> str:
-    """Normalise a name: remove case, separators and generic words."""
-    name = re.sub(
-        r"\b(joint_states?|state|observation|pos|position|qpos|rad|deg|mm|m)\b", "", re.sub(r"[\W_]+", " ", name)
-    )
-    return re.sub(r"\W+", "", name).lower()
-
-
-def _by_name(model: mujoco.MjModel, streams: Mapping[str, NDArray[np.float64]]) -> tuple[list[Drive], list[str]]:
-    joints = {_plain(model.joint(i).name): model.joint(i).name for i in range(model.njnt) if _is_scalar(model, i)}
-    bodies = {_plain(model.body(i).name): model.body(i).name for i in range(1, model.nbody) if _is_posed(model, i)}
-    drives, found = [], []
-    for name, values in streams.items():
-        plain = _plain(name)
-        if not plain or _NOT_MOTION.search(name):
-            continue
-        if values.ndim == 1 and plain in joints:
-            joint = joints.pop(plain)
-            drives.append(Drive(name, joint=joint))
-            found.append(f"stream {name!r} moves joint {joint!r}: their names agree")
-        elif values.ndim == 2 and values.shape[1] in (3, 7) and plain in bodies:
-            body = bodies.pop(plain)
-            drives.append(Drive(name, body=body, unit="m"))
-            found.append(f"stream {name!r} poses body {body!r}: their names agree")
-    return drives, found
-
-
-def _is_scalar(model: mujoco.MjModel, joint: int) -> bool:
-    return bool(model.joint(joint).name) and int(model.jnt_type[joint]) in (_SLIDE, int(mujoco.mjtJoint.mjJNT_HINGE))
-
-
-def _is_posed(model: mujoco.MjModel, body: int) -> bool:
-    return model.body_mocapid[body] >= 0 or _is_object(model, body)
-
-
-def _is_object(model: mujoco.MjModel, body: int) -> bool:
-    first = int(model.body_jntadr[body])
-    return bool(model.body(body).name) and first >= 0 and int(model.jnt_type[first]) == _FREE
-
-
-def _moving_pads(model: mujoco.MjModel, pads: Pads) -> tuple[str, ...]:
-    """Return the names of the joints that move the pads."""
-    names = []
-    for body in pads.bodies:
-        while body:
-            first = int(model.body_jntadr[body])
-            names += (
-                [model.joint(i).name for i in range(first, first + int(model.body_jntnum[body]))] if first >= 0 else []
-            )
-            body = int(model.body_parentid[body])
-    return tuple(dict.fromkeys(name for name in names if name))
-
-
-def _opening(
-    model: mujoco.MjModel, pads: Pads, streams: Mapping[str, NDArray[np.float64]], taken: set[str]
-) -> tuple[list[Drive], list[str]]:
-    """Return the drives of a stream that is a parallel gripper's opening; empty if there is none."""
-    names = [n for n, v in streams.items() if v.ndim == 1 and n not in taken and _OPENING.search(n)]
-    names = [n for n in names if not _NOT_MOTION.search(n)]
-    slides = [j for j in _moving_pads(model, pads) if int(model.joint(j).type[0]) == _SLIDE]
-    if len(names) != 1 or len(pads) != 2 or len(slides) != 2:
-        return [], []
-    data = mujoco.MjData(model)
-    apart = []
-    for moved in ((0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)):
-        for slide, value in zip(slides, moved, strict=True):
-            data.joint(slide).qpos = value
-        mujoco.mj_kinematics(model, data)
-        into = data.xmat[pads.bodies[1]].reshape(3, 3)[:, 2]
-        apart.append(float(into @ (data.xpos[pads.bodies[1]] - data.xpos[pads.bodies[0]])))
-    per_metre = [(one - apart[0]) / 1e-3 for one in apart[1:]]
-    if abs(abs(per_metre[0]) - 1) > 0.01 or abs(abs(per_metre[1]) - 1) > 0.01:
-        return [], []
-    drives = [
-        Drive(names[0], joint=slide, unit="m", scale=round(0.5 * sign, 6), offset=round(-0.5 * sign * apart[0], 6))
-        for slide, sign in zip(slides, np.sign(per_metre).tolist(), strict=True)
+    more += [f"stream {closing!r} brings the pads into contact (closing)"] if closing else []
+    gel = f"the modulus of the gel, {1e-3 * scene.gel.modulus:.4g} kPa, is a default: set that of your pads in [gel]"
+    doubts += [
+        gel,
+        "the units are those in which the values fit the limits of the joints",
+        *more,
+        *placed,
+        *_apart(hands, drives, carried),
+        *_left(model, hands, drives, streams),
     ]
-    said = (
-        f"stream {names[0]!r} is taken to be the distance between the pads; {slides[0]!r} and {slides[1]!r} each move "
-        "half of it"
-    )
-    return drives, [said]
+    return GuessedScene(scene, tuple(found), tuple(doubts))
 
 
-def _measured(
-    model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64], raw: NDArray[np.float64] | None
-) -> Drive:
-    """Return the drive with unit and resolution estimated from the values."""
-    if drive.body:
-        return replace(drive, unit="mm" if np.nanmax(np.abs(values[:, :3])) > 10 else "m")
+def _moving_pads(model: mujoco.MjModel, pads: Pads) -> set[str]:
+    """Return the names of the joints that move the pads."""
+    above = {body for pad in pads.bodies for body in (int(pad), *bodies_above(model, int(pad)))}
+    return {model.joint(j).name for j in range(model.njnt) if int(model.jnt_bodyid[j]) in above}
+
+
+def _posed(drive: Drive, values: NDArray[np.float64], quaternion: str) -> Drive:
+    """Return the drive of a body with the order of its quaternions and the unit of its position.
+
+    Raises:
+        InvalidValueError: The order is needed and not given, or the values are no poses.
+    """
+    if values.shape[1:] == (7,) and not quaternion:
+        raise InvalidValueError(
+            f"stream {drive.stream!r} poses body {drive.body!r}, but no value tells whether its quaternions are "
+            "w x y z or x y z w: say so with --quaternion wxyz or --quaternion xyzw"
+        )
+    drive = replace(drive, quaternion=quaternion or "wxyz")
+    places = drive.to_scene(values[known_samples(values)])[:, :3]
+    return replace(drive, unit="mm" if np.abs(places).max() > _FARTHEST else "m")
+
+
+def _measured(model: mujoco.MjModel, drive: Drive, values: NDArray[np.float64]) -> Drive:
+    """Return the drive with the unit in which the values are within its limits.
+
+    Raises:
+        InvalidValueError: There is no such unit.
+    """
     family = units.LENGTH if int(model.joint(drive.joint).type[0]) == _SLIDE else units.ANGLE
     unit = next(iter(family))
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    offset = float(np.asarray(drive.offset))
-    unit = units.better_unit(unit, low, high, limits_of(model, drive), drive.scale, offset) or unit
-    step = resolution(values if raw is None else raw)
-    return replace(drive, unit=unit, resolution=float(f"{step:.6g}") if step else None)
+    limits = limits_of(model, drive)
+    unit = units.better_unit(unit, low, high, limits, drive.scale, float(np.asarray(drive.offset))) or unit
+    drive = replace(drive, unit=unit)
+    ends = sorted(drive.scaled(np.array([low, high])).tolist())
+    if not units.is_within(ends[0], ends[1], limits):
+        raise InvalidValueError(
+            f"stream {drive.stream!r} goes from {low:.4g} to {high:.4g}, which no unit of {', '.join(family)} brings "
+            f"into the limits of joint {drive.joint!r}, {limits[0]:.4g} to {limits[1]:.4g} {next(iter(family))}: "
+            "rename the stream if it is something else, or correct the limits in the MJCF"
+        )
+    return drive
 
 
-def _objects(model: mujoco.MjModel, driven: set[str]) -> tuple[tuple[ObjectStart, ...], list[str]]:
+def _in_one_unit(model: mujoco.MjModel, drives: Sequence[Drive], streams: Streams) -> tuple[list[Drive], list[str]]:
+    """Return the drives with all angles in degrees if one of them must be, since a robot's log has one unit."""
+    degrees = next((drive.stream for drive in drives if drive.unit == "deg"), None)
+    if degrees is None:
+        return list(drives), []
+    deg = units.factor("deg")
+    too = [
+        drive
+        for drive in drives
+        if drive.unit == "rad" and is_near(model, drive.joint, deg * streams[drive.stream], (1.0,))
+    ]
+    changed = [replace(drive, unit="deg") if drive in too else drive for drive in drives]
+    names = [drive.stream for drive in too]
+    return changed, [f"{several('stream', names)} could be in rad too, but {degrees!r} is in deg"] if too else []
+
+
+def _stepped(drive: Drive, values: NDArray[np.float64]) -> Drive:
+    """Return the drive with the step size of its encoder, estimated from the values as recorded."""
+    step = 0.0 if drive.body else resolution(values)
+    return replace(drive, resolution=float(f"{step:.6g}")) if step else drive
+
+
+def _objects(model: mujoco.MjModel, pads: Pads, driven: Collection[str]) -> tuple[tuple[ObjectStart, ...], list[str]]:
+    """Return the start of each body with a free joint that no stream poses, and what is in doubt about all of them."""
+    carrying = {body for pad in pads.bodies for body in bodies_above(model, int(pad))}
     starts, said = [], []
     for body in range(1, model.nbody):
         name = model.body(body).name
-        if not _is_object(model, body) or name in driven:
+        if not is_object(model, body):
             continue
+        if name in driven:
+            if body not in carrying:
+                said.append(
+                    f"object {name!r} follows its stream throughout, whatever touches it; to place it only at the "
+                    "start of each episode, put the stream into a [[start]] instead of the [[drive]]"
+                )
+            continue
+        if body in carrying:
+            said.append(f"body {name!r} carries pads and moves freely, but no stream poses it, so it falls")
+        else:
+            said.append(f"object {name!r} starts at its pose in the MJCF: check that it was there in the experiment")
         pose = model.qpos0[(at := int(model.jnt_qposadr[model.body_jntadr[body]])) : at + 7]
         starts.append(ObjectStart(name, tuple(pose[:3].tolist()), tuple(pose[3:].tolist())))
-        said.append(f"object {name!r} starts at its pose in the MJCF: check that it was there in the experiment")
     return tuple(starts), said
 
 
-def _left(model: mujoco.MjModel, drives: list[Drive], streams: Mapping[str, NDArray[np.float64]]) -> list[str]:
+def _apart(hands: Sequence[TactileHand], drives: Sequence[Drive], carried: Collection[str]) -> list[str]:
+    """Return a line if joints are driven that carry no pad, though there is a hand."""
+    outside = [drive.joint for drive in drives if drive.joint and not any(drive.joint in h.joints for h in hands)]
+    if not hands or not outside or any(joint in carried for joint in outside):
+        return []
+    return [
+        f"no pad is moved by {several('joint', outside)}: if the hand is on this arm, put it there in the model too, "
+        "with paxisim scene compose --arm ARM --at BODY --hand HAND"
+    ]
+
+
+def _left(model: mujoco.MjModel, hands: Sequence[TactileHand], drives: Sequence[Drive], streams: Streams) -> list[str]:
+    """Return what no stream moves, what moves nothing, and which encoders show no steps."""
     lines = []
     unused = [name for name in streams if name not in {drive.stream for drive in drives}]
     if unused:
         lines.append(f"streams that move nothing: {', '.join(unused)}")
     driven = {drive.joint for drive in drives}
+    driven |= {joint for hand in hands if driven & set(hand.joints) for joint in hand.joints}
     still = [
-        model.joint(i).name for i in range(model.njnt) if _is_scalar(model, i) and model.joint(i).name not in driven
+        model.joint(i).name for i in range(model.njnt) if is_scalar(model, i) and model.joint(i).name not in driven
     ]
     if still:
         lines.append(f"joints that no stream moves: {', '.join(still)}")
-    lines += [
-        f"stream {drive.source!r} shows no encoder steps; if its encoder has steps, set resolution = ..."
-        for drive in drives
-        if drive.joint and drive.resolution is None
-    ]
+    smooth = list(dict.fromkeys(drive.source for drive in drives if drive.joint and drive.resolution is None))
+    if smooth:
+        lines.append(
+            f"without visible encoder steps: {', '.join(smooth)}; if an encoder has steps, set resolution = ..."
+        )
     return lines

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models.pads import Pads
+from paxisim.scene.units import LENGTH
 
 if TYPE_CHECKING:
     from paxisim.scene.rig import Rig
@@ -211,7 +212,8 @@ def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
             continue
         name, words = f"joint_offset_{drive.source}", f"zero of the joints that {drive.source} moves"
         place = drive.source, 0
-        if int(rig.model.joint(drive.joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE):
+        slides = int(rig.model.joint(drive.joint).type[0]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        if (drive.unit in LENGTH) if drive.curve else slides:
             out[drive.source] = _length("joint_offset", name, 5e-3, (2 * _NEAR, _NEAR), place, words)
         else:
             out[drive.source] = _angle("joint_offset", name, place, words)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,6 +29,8 @@ COARSE_FRACTION = 0.1
 
 CONTACT_FORCE = 0.2
 """Total normal force (N) above which there is certainly contact."""
+
+_BEFORE = 1.0  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,22 @@ class Replay:
             force = by_grasp(self._follower, moving, [0.0] * len(grasps)).force
         return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(moving, force))
 
+    def pose(self, sample: int) -> NDArray[np.float64]:
+        """Return the positions ``(nq,)`` of `rig.model` at a sample, from a simulation of the second before it.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+            InvalidValueError: The driving streams are not known at that time.
+        """
+        time, number = self._recording.time[sample], int(self._recording.episode[sample])
+        part = self._recording.select([number])
+        part = part[(part.time <= time) & (part.time >= time - _BEFORE)]
+        part = part[self._follower.known(part)]
+        if part.time[-1] < time:
+            raise InvalidValueError(f"the driving streams are not all known at {time:.3f} s of episode {number}")
+        self._follower.forces(part)
+        return self._follower.runner.qpos
+
     def inputs(self, number: int, closings: Sequence[float] | None = None) -> Iterator[bytes]:
         """Yield everything that the result of `run` depends on, apart from the versions of paxisim and MuJoCo."""
         from paxisim.scene.toml import format_scene
@@ -165,7 +184,7 @@ class Replay:
         known = self._follower.known(part)
         changed = []
         for drive in coarse:
-            shift = {drive: 0.5 * self._follower.resolution[drive]}
+            shift = {drive: math.copysign(0.5 * self._follower.resolution[drive], drive.gain)}
             if strongest.closings:
                 force = by_grasp(self._follower, part[known], strongest.closings, shift).force
             else:
@@ -221,7 +240,7 @@ class Replay:
             "mode": scene.mode,
             "mean": self._mean,
             "not_testable": dict(mode.not_testable),
-            "encoder_steps": {d.source: step / abs(d.gain) for d, step in self._follower.resolution.items() if step},
+            "encoder_steps": {d.source: step for d, step in self._follower.resolution.items() if step},
             "toml": format_scene(scene, "scene.xml"),
             "encoder_error": None if error is None else vars(error),
             "notes": notes,

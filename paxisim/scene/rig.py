@@ -194,7 +194,7 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
     actuators = tuple(d for d in scene.drives if d.actuator)
     dof = {d: int(model.jnt_dofadr[model.joint(d.joint).id]) for d in joints}
     if scene.mode in ("kinematic", "fitted", "shape"):
-        held = _coupled(model, set(dof.values()))
+        held = coupled(model, set(dof.values()))
         unused = tuple(d for d in actuators if moves[model.actuator(d.actuator).id] & held)
         return _Roles((*bodies, *joints), commands=tuple(d for d in actuators if d not in unused), unused=unused)
     if scene.mode == "force" and not actuators:
@@ -228,10 +228,10 @@ def _moved_by(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[set[int]
         mujoco.mju_sparse2dense(
             moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
         )
-    return [_coupled(model, {int(dof) for dof in np.flatnonzero(row)}) for row in moment]
+    return [coupled(model, {int(dof) for dof in np.flatnonzero(row)}) for row in moment]
 
 
-def _coupled(model: mujoco.MjModel, dofs: set[int]) -> set[int]:
+def coupled(model: mujoco.MjModel, dofs: set[int]) -> set[int]:
     """Return the given degrees of freedom and all those coupled to them by joint equalities."""
     pairs = [
         {int(model.jnt_dofadr[model.eq_obj1id[i]]), int(model.jnt_dofadr[model.eq_obj2id[i]])}

@@ -13,6 +13,7 @@ from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.motion import resolution
+from paxisim.scene.poses import as_poses, is_pose
 from paxisim.scene.rig import Rig
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -22,7 +23,7 @@ _LISTED = 4  # at most this many episodes are named in a message
 
 
 def driving_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
-    """Return the motion of the drive's target in SI units: ``(T,)``, or ``(T, 3)`` or ``(T, 7)`` for a body.
+    """Return the motion of the drive's target in SI units, for a stream that is known throughout: see `Drive.to_scene`.
 
     Raises:
         UnknownNameError: The recording does not have the stream.
@@ -38,8 +39,8 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
         if values.ndim != 2 or drive.column >= values.shape[1]:
             raise InvalidValueError(f"stream {drive.stream!r} of shape {values.shape} has no column {drive.column}")
         values = values[:, drive.column]
-    expected = "(T, 3) or (T, 7)" if drive.body else "(T,)"
-    fits = values.ndim == 2 and values.shape[1] in (3, 7) if drive.body else values.ndim == 1
+    expected = "(T, 3), (T, 7), (T, 16) or (T, 4, 4)" if drive.body else "(T,)"
+    fits = is_pose(values) if drive.body else values.ndim == 1
     if not fits:
         hint = "; choose one with column = ..." if values.ndim == 2 and not drive.body else ""
         raise InvalidValueError(
@@ -52,14 +53,14 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
 
 
 def encoder_step(recording: Recording, drive: Drive) -> float:
-    """Return the resolution of the drive's stream in SI units of its target; 0 for a pose.
+    """Return the resolution of the drive's stream in the stream's unit; 0 for a pose.
 
     Unless the drive states it, it is estimated from all episodes of the recording.
     """
     if drive.body:
         return 0.0
     values = raw_values(recording, drive)
-    return abs(drive.gain) * (resolution(values) if drive.resolution is None else drive.resolution)
+    return resolution(values) if drive.resolution is None else drive.resolution
 
 
 def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -87,7 +88,7 @@ def check_streams(recording: Recording, rig: Rig) -> None:
         values = raw_values(recording, drive)
         _check_known(recording, drive, values)
         if drive.body:
-            _check_pose(drive, values)
+            _check_pose(drive, values[known_samples(values)])
         else:
             _check_limits(drive, values, limits_of(rig.model, drive))
         known = values[known_samples(values)]
@@ -98,7 +99,12 @@ def check_streams(recording: Recording, rig: Rig) -> None:
 
 
 def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
-    """Return the limits of a joint or control in SI units; wide, plausible ones if the model sets none for a joint."""
+    """Return the limits of a joint or control in SI units, or the ends of the drive's curve.
+
+    If the model sets none for a joint, they are wide, plausible ones.
+    """
+    if drive.curve:
+        return drive.curve[0][0], drive.curve[-1][0]
     if drive.actuator:
         actuator = model.actuator(drive.actuator).id
         low, high = model.actuator_ctrlrange[actuator]
@@ -113,13 +119,14 @@ def limits_of(model: mujoco.MjModel, drive: Drive) -> tuple[float, float]:
 
 def _check_limits(drive: Drive, values: NDArray[np.float64], limits: tuple[float, float]) -> None:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    moved = sorted(drive.to_scene(np.array([low, high])).tolist())
+    moved = sorted(drive.scaled(np.array([low, high])).tolist())
     slack = abs(drive.gain) * (drive.resolution or 0.0)
     outside = not units.is_within(moved[0], moved[1], limits, slack)
     better = ""
     if np.isfinite(limits).all():
         better = units.better_unit(drive.unit, low, high, limits, drive.scale, float(np.asarray(drive.offset)))
-    what = f"stream {drive.source!r} moves {drive.kind} {drive.target!r} from {moved[0]:.4g} to {moved[1]:.4g}"
+    moves = "gives the curve of" if drive.curve else "moves"
+    what = f"stream {drive.source!r} {moves} {drive.kind} {drive.target!r} from {moved[0]:.4g} to {moved[1]:.4g}"
     if outside:
         advice = (
             f'its values are {better}, not {drive.unit}: set unit = "{better}"'
@@ -135,20 +142,12 @@ def _check_limits(drive: Drive, values: NDArray[np.float64], limits: tuple[float
 
 
 def _check_pose(drive: Drive, values: NDArray[np.float64]) -> None:
-    reach = float(np.nanmax(np.abs(drive.to_scene(values)[:, :3])))
+    reach = float(np.abs(drive.to_scene(values)[:, :3]).max())
     if reach > _FARTHEST:
         advice = 'its values look like mm: set unit = "mm"' if reach * 1e-3 <= _FARTHEST else "check its unit"
         raise InvalidValueError(
             f"stream {drive.source!r} moves body {drive.body!r} {reach:.4g} m away from the origin; {advice}"
         )
-    if values.shape[1] == 7:
-        norm = np.linalg.norm(values[:, 3:], axis=1)
-        off = np.nanmax(np.abs(norm - 1))
-        if off > 0.01:
-            raise InvalidValueError(
-                f"stream {drive.source!r} must have quaternions w x y z of length 1 in its columns 3 to 6, "
-                f"but one is off by {off:.2g}"
-            )
 
 
 def _check_known(recording: Recording, drive: Drive, values: NDArray[np.float64]) -> None:
@@ -190,10 +189,10 @@ def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArr
         pose = np.array([*(start.pos or ()), *start.quat], dtype=np.float64)
         return dict.fromkeys(numbers, pose)
     values = _covariate(recording, start.stream)
-    if values.shape[1:] != (7,):
+    if not is_pose(values) or values.shape[1:] == (3,):
         raise InvalidValueError(
-            f"stream {start.stream!r} must be (T, 7), position and quaternion, to start {start.body!r}, "
-            f"got shape {values.shape}"
+            f"stream {start.stream!r} must be (T, 7), position and quaternion, (T, 16) or (T, 4, 4) to start "
+            f"{start.body!r}, got shape {values.shape}"
         )
     known = known_samples(values)
     without = [number for number in numbers if not known[recording.episode == number].any()]
@@ -201,7 +200,8 @@ def object_poses(recording: Recording, start: ObjectStart) -> Mapping[int, NDArr
         raise InvalidValueError(
             f"{_listed(without)} without a start pose of {start.body!r}: stream {start.stream!r} is not known there"
         )
-    return {number: values[(recording.episode == number) & known][0] for number in numbers}
+    first = {number: values[(recording.episode == number) & known][:1] for number in numbers}
+    return {number: as_poses(one, start.quaternion, start.stream)[0] for number, one in first.items()}
 
 
 def _listed(numbers: list[int]) -> str:

@@ -17,7 +17,7 @@ from paxisim.scene.drive import Drive, ObjectStart
 from paxisim.scene.scene import Scene
 
 _NUMBER, _TEXT, _WHOLE, _LIST = "a number", "a string", "a whole number", "a list"
-_PAIR = "a list of 2 numbers"
+_PAIR, _PAIRS = "a list of 2 numbers", "a list of lists of 2 numbers"
 _POSITION, _QUATERNION = "a list of 3 numbers", "a list of 4 numbers"
 # keys of each table, with the kind of value that each must have
 _SCENE = {
@@ -44,8 +44,10 @@ _DRIVE = {
     "offset": "a number or a list of 3 numbers",
     "column": _WHOLE,
     "resolution": _NUMBER,
+    "curve": _PAIRS,
+    "quaternion": _TEXT,
 }
-_START = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "stream": _TEXT}
+_START = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "stream": _TEXT, "quaternion": _TEXT}
 _MOUNT = {"body": _TEXT, "pos": _POSITION, "quat": _QUATERNION, "replaces": _LIST, "name": _TEXT}
 _GEL = {item.name: _NUMBER for item in fields(Gel)}
 
@@ -115,7 +117,7 @@ def _fits(value: Any, wanted: str) -> bool:
         # integers in TOML have 64 bits, but Python's parser accepts any size
         return isinstance(one, float) or (isinstance(one, int) and not isinstance(one, bool) and abs(one) < 2**63)
 
-    def numbers(count: int) -> bool:
+    def numbers(count: int, value: Any = value) -> bool:
         return isinstance(value, list) and len(value) == count and all(map(number, value))
 
     kinds = {
@@ -124,6 +126,7 @@ def _fits(value: Any, wanted: str) -> bool:
         _WHOLE: isinstance(value, int) and number(value),
         _LIST: isinstance(value, list) and all(isinstance(one, (str, int)) for one in value),
         _PAIR: numbers(2),
+        _PAIRS: isinstance(value, list) and all(numbers(2, one) for one in value),
         _POSITION: numbers(3),
         _QUATERNION: numbers(4),
         "a number or a list of 3 numbers": number(value) or numbers(3),

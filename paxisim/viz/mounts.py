@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -13,27 +12,14 @@ from paxisim.errors import MissingExtraError
 from paxisim.models.attach import TactileGripper
 from paxisim.models.load import compile_whole
 from paxisim.models.mount import replaced_in_model
-from paxisim.models.pads import Pads, find_pads
-from paxisim.viz.raster import Picture, render, triangles_of
+from paxisim.models.pads import find_pads
+from paxisim.viz.posed import PosedRobot
+from paxisim.viz.raster import triangles_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_RED = np.array([0.85, 0.2, 0.18])
-_INK = np.array([0.1, 0.12, 0.2])
-_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-_CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 16)), np.sin(np.linspace(0, 2 * np.pi, 16))], axis=1)
-
-_PIXELS = 360  # width and height of each picture
 _ACROSS = 4  # most close-ups in a row
-_TITLE = 26  # letters in a line of a title
-_HAND = 0.25  # m: pads nearer than this belong to one hand
-_AROUND = 0.04  # m: what a picture of a hand shows around its pads
-_SMALL = 1.5  # a robot this many times larger than its hands gets a picture of its own
-_OBLIQUE = np.radians(35)  # angle between the view of a close-up and the pad's normal
-_ASIDE = 0.35  # cosine between the view and the normal of a pad that is just seen well
-_WIDE = 1.5  # half the width of a close-up over the pad's longest side
-_COVER = 1e-3  # m: a taxel this far behind what is drawn is hidden
 
 
 def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = None) -> Figure:
@@ -67,7 +53,7 @@ def plot_mounts(gripper: TactileGripper, qpos: NDArray[np.floating] | None = Non
     data.qpos[:] = _open_pose(gripper) if qpos is None else qpos
     mujoco.mj_kinematics(model, data)
     pads = find_pads(model)
-    scene = _Scene(
+    scene = PosedRobot(
         model,
         data,
         pads,
@@ -106,178 +92,3 @@ def _open_pose(gripper: TactileGripper) -> NDArray[np.floating]:
         moved = np.abs(grip.qpos[-1] - grip.qpos[0]) > 1e-9
         qpos = np.where(moved, grip.qpos[0], qpos if len(gripper.grips) > 1 else grip.qpos[0])
     return qpos
-
-
-class _Scene:
-    """The gripper in one pose, with a method for each kind of picture."""
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pads: Pads, triangles: NDArray[np.float64]) -> None:
-        self.model, self.data, self.pads, self.triangles = model, data, pads, triangles
-        self.axes = data.xmat[pads.bodies].reshape(-1, 3, 3)
-        self.middle = data.geom_xpos[pads.geoms].mean(axis=1)
-        self.length = max(max(layout.size) for layout in pads.layouts)
-        self.outward = -self.axes[:, :, 2]
-        self._centers = triangles.mean(axis=1)
-        self._radii = np.linalg.norm(triangles - self._centers[:, None], axis=2).max(axis=1)
-
-    def hands(self) -> list[list[int]]:
-        """Return the pads of each hand: those that lie near one another."""
-        hands: list[list[int]] = []
-        for pad, middle in enumerate(self.middle):
-            near = [h for h in hands if np.linalg.norm(self.middle[h] - middle, axis=1).min() < _HAND]
-            hands = [h for h in hands if h not in near] + [sorted([pad, *(p for h in near for p in h)])]
-        return sorted(hands)
-
-    def is_large(self, hands: list[list[int]]) -> bool:
-        """Tell whether the robot is so large that its hands look small."""
-        if not len(self.triangles):
-            return False
-        return float(np.ptp(self.triangles, axis=(0, 1)).max()) / 2 > _SMALL * max(map(self._reach, hands))
-
-    def _reach(self, hand: list[int]) -> float:
-        middle = self.middle[hand]
-        return float(np.linalg.norm(middle - middle.mean(axis=0), axis=1).max()) + _AROUND + self.length / 2
-
-    def draw_robot(self, ax: Any) -> None:
-        """Draw the whole robot and rings around its pads."""
-        view = _view(np.radians(20), np.radians(-60))
-        self._show(ax, render(self.triangles, view, *self._everything(view), _PIXELS))
-        ax.plot(*(self.middle @ view[:2].T).T, "o", color=_RED, fillstyle="none", markersize=7, zorder=3)
-
-    def draw_hand(self, ax: Any, hand: list[int]) -> None:
-        """Draw one hand from the side from which most of its pads can be seen, with their numbers."""
-        view = self._best_view(hand)
-        whole = self._everything(view)
-        middle = self.middle[hand] @ view[:2].T
-        center, half, triangles = *whole, self.triangles
-        if self.is_large([hand]):
-            center, half = middle.mean(axis=0), self._reach(hand)
-            triangles = self._near(self.middle[hand].mean(axis=0), 2 * half)
-        self._show(ax, render(triangles, view, center, 1.15 * half, _PIXELS))
-        for pad in hand:
-            self._draw_pad(ax, pad, view)
-            self._arrow(ax, pad, view, 0.12 * half)
-        self._number(ax, hand, middle, center, half)
-
-    def draw_close(self, ax: Any, pad: int) -> None:
-        """Draw one pad from close by and obliquely, from the side that hides least of it."""
-        half = _WIDE * max(self.pads.layouts[pad].size)
-        triangles = self._near(self.middle[pad], 2 * half)
-        points = self.data.geom_xpos[self.pads.geoms[pad]]
-        x, y, outward = self.axes[pad, :, 0], self.axes[pad, :, 1], self.outward[pad]
-        best = None
-        for sideways in (x, -x, y, -y):
-            towards = np.cos(_OBLIQUE) * outward + np.sin(_OBLIQUE) * sideways
-            up = y - (y @ towards) * towards
-            up /= np.linalg.norm(up)
-            view = np.stack([np.cross(up, towards), up, towards])
-            center, depth = view[:2] @ self.middle[pad], float(view[2] @ self.middle[pad])
-            picture = render(triangles, view, center, half, _PIXELS, depth + self.length)
-            covered = picture.covered(points, _COVER).mean()
-            if best is None or covered < best[0]:
-                best = covered, picture
-            if covered == 0:
-                break
-        assert best is not None
-        picture = best[1]
-        self._show(ax, picture)
-        self._draw_pad(ax, pad, picture.view, picture)
-        self._arrow(ax, pad, picture.view, 0.6 * half)
-        title = textwrap.fill(f"{pad + 1} {self.pads.names[pad]}", _TITLE)
-        ax.set_title(title, fontsize=8, color=_RED, parse_math=False)
-
-    def _best_view(self, hand: list[int]) -> NDArray[np.float64]:
-        """Return the view, from a little above, from which the pads of a hand are seen best."""
-        views = [_view(np.radians(20), np.radians(azimuth)) for azimuth in range(-60, 300, 15)]
-        views += [_view(np.radians(60), np.radians(azimuth)) for azimuth in range(-60, 300, 30)]
-        facing = np.array([self.outward[hand] @ view[2] for view in views])
-        # of two pads that face each other, one should be seen, but not the back of the other
-        seen = np.clip(facing, 0, _ASIDE) + np.clip(facing + _ASIDE, -1, 0) + 0.2 * facing
-        steep = np.array([view[2, 2] for view in views])
-        return views[int(np.argmax(np.round(seen.mean(axis=1) - 0.1 * steep, 3)))]
-
-    def _everything(self, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        corners = np.concatenate([self.triangles.reshape(-1, 3), self.middle]) @ view[:2].T
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return (low + high) / 2, 0.53 * float((high - low).max()) + self.length / 2
-
-    def _near(self, point: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-        """Return the triangles within a distance of a point, to leave out the rest of the robot."""
-        return self.triangles[np.linalg.norm(self._centers - point, axis=1) - self._radii < reach]
-
-    def _show(self, ax: Any, picture: Picture) -> None:
-        (x, y), half = picture.center, picture.half
-        extent = (x - half, x + half, y - half, y + half)
-        ax.imshow(picture.rgba, origin="lower", extent=extent, zorder=1, interpolation="antialiased")
-        ax.set_autoscale_on(False)
-
-    def _draw_pad(self, ax: Any, pad: int, view: NDArray[np.float64], picture: Picture | None = None) -> None:
-        """Draw a pad's taxels; those covered in `picture` hollow, and only an outline if the whole pad faces away."""
-        from matplotlib.collections import PolyCollection
-        from scipy.spatial import ConvexHull
-
-        model, geoms = self.model, self.pads.geoms[pad]
-        size, axes = model.geom_size[geoms], self.data.geom_xmat[geoms].reshape(-1, 3, 3)
-        middles = self.data.geom_xpos[geoms][:, None]
-        if int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
-            corners = middles + size[:, None, :1] * (_CIRCLE @ view[:2])
-        else:  # the outward face of a cube is at -z
-            face = np.concatenate([_SQUARE, np.full((len(_SQUARE), 1), -1.0)], axis=1) * size[:, None]
-            corners = middles + face @ axes.transpose(0, 2, 1)
-        facing = -axes[:, :, 2] @ view[2]
-        flat = corners @ view[:2].T
-        if facing.max() > 0:
-            seen = np.flatnonzero(facing > 0)
-            seen = seen[np.argsort((corners[seen] @ view[2]).mean(axis=1))]
-            colors = np.tile([*_RED, 1.0], (len(geoms), 1))
-            colors[0, :3] = 1.0
-            edges = np.ones((len(geoms), 4))
-            edges[0, :3] = _RED
-            if picture is not None:
-                covered = picture.covered(corners.mean(axis=1), _COVER)
-                colors[covered, 3] = 0
-                edges[covered, :3] = _RED
-            style = {"facecolors": colors[seen], "edgecolors": edges[seen], "linewidths": 0.4}
-            ax.add_collection(PolyCollection(list(flat[seen]), zorder=2, **style))
-        else:
-            points = flat.reshape(-1, 2)
-            hull = points[ConvexHull(points, qhull_options="QJ").vertices]
-            style = {"facecolors": (0, 0, 0, 0), "edgecolors": [_RED], "linestyles": "dashed", "linewidths": 1}
-            ax.add_collection(PolyCollection([hull], zorder=2, **style))
-
-    def _arrow(self, ax: Any, pad: int, view: NDArray[np.float64], length: float) -> None:
-        ends = np.array([self.middle[pad], self.middle[pad] + length * self.outward[pad]]) @ view[:2].T
-        style = {"arrowstyle": "-|>", "color": _INK, "linewidth": 1.3, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", ends[1], ends[0], arrowprops=style, zorder=3)
-
-    def _number(
-        self,
-        ax: Any,
-        hand: list[int],
-        middle: NDArray[np.float64],
-        center: NDArray[np.float64],
-        half: float,
-    ) -> None:
-        """Write the pads' numbers at the left and right edges, apart from one another, with lines to the pads."""
-        order = np.argsort(middle[:, 0], kind="stable")
-        for side, which in ((-1, order[: (len(order) + 1) // 2]), (1, order[(len(order) + 1) // 2 :])):
-            which = which[np.argsort(middle[which, 1], kind="stable")]
-            heights = _apart(middle[which, 1], 0.16 * half)
-            for index, y in zip(which, heights, strict=True):
-                x = center[0] + side * 1.1 * half
-                ax.plot([x - side * 0.05 * half, middle[index, 0]], [y, middle[index, 1]], color=_RED, lw=0.6, zorder=3)
-                ax.text(x, y, str(hand[index] + 1), fontsize=10, color=_RED, ha="center", va="center", zorder=4)
-
-
-def _apart(values: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Return sorted values moved until they are at least `least` apart, around the same mean."""
-    steps = np.arange(len(values)) * least
-    moved = np.maximum.accumulate(values - steps) + steps
-    return moved - (moved - values).mean() if len(values) else moved
-
-
-def _view(elevation: float, azimuth: float) -> NDArray[np.float64]:
-    """Return the view for these viewing angles (rad)."""
-    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    return np.stack([right, np.cross(towards, right), towards])

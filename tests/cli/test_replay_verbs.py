@@ -151,6 +151,12 @@ def test_a_protocol_is_rehearsed_and_says_whether_it_would_be_stopped(made, caps
     assert set(rehearsed.covariates) == {"x", "y", "depth"}
 
 
+def test_a_protocol_takes_no_streams(made, capsys):
+    assert main(["protocol", "press", "-o", "press.json"]) == 0
+    assert replayed(made, "--streams", "robot.csv", recording="press.json") == 2
+    assert "the motion of a protocol is complete: leave it out" in capsys.readouterr().err
+
+
 def test_the_page_s_lines_about_protocols_run():
     page = (ROOT / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     section = page.split("## A motion to record")[1]

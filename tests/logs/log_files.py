@@ -31,6 +31,20 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
+_POINT = "float64 x\nfloat64 y\nfloat64 z\n"
+_PARTS = {
+    "geometry_msgs/TransformStamped": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    ),
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+    "geometry_msgs/Vector3": _POINT,
+    "geometry_msgs/Quaternion": _POINT + "float64 w\n",
+}
+TRANSFORMS = (
+    "geometry_msgs/TransformStamped[] transforms\n"
+    + "".join(f"{'=' * 80}\nMSG: {name}\n{text}" for name, text in _PARTS.items())
+    + JOINT_STATE[JOINT_STATE.index("=" * 80) :]
+)
 LAYOUT = TaxelLayout(4, 3, (0.002, 0.003), vendor_order=(3, 4, 5, 0, 1, 2, 6, 7, 8, 11, 10, 9))
 METADATA = {"layout": LAYOUT, "pads": ("left", "right"), "sensor": "a sensor", "versions": {"paxisim": "1"}}
 
@@ -121,6 +135,24 @@ def joint_state(at, names, position, velocity=(), effort=()):
         position=position,
         velocity=velocity,
         effort=effort,
+    )
+
+
+def transforms(at, *frames):
+    """Return a message of transforms (parent, child, position, quaternion x y z w)."""
+    stamp = SimpleNamespace(sec=at // 10**9, nanosec=at % 10**9)
+    return SimpleNamespace(
+        transforms=[
+            SimpleNamespace(
+                header=SimpleNamespace(stamp=stamp, frame_id=parent),
+                child_frame_id=child,
+                transform=SimpleNamespace(
+                    translation=SimpleNamespace(**dict(zip("xyz", map(float, place), strict=True))),
+                    rotation=SimpleNamespace(**dict(zip("xyzw", map(float, turn), strict=True))),
+                ),
+            )
+            for parent, child, place, turn in frames
+        ]
     )
 
 

@@ -5,7 +5,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from log_files import METADATA, MS, START, counts, joint_state, refused, write_json, write_log, write_ros2
+from log_files import (
+    METADATA,
+    MS,
+    START,
+    TRANSFORMS,
+    counts,
+    joint_state,
+    refused,
+    transforms,
+    write_json,
+    write_log,
+    write_ros2,
+)
 
 from paxisim.cli import main
 from paxisim.errors import InvalidValueError, UnknownNameError
@@ -42,6 +54,21 @@ def test_joint_states_of_ros_2_become_covariates(press, tmp_path):
     np.testing.assert_allclose(recording.covariates["finger"], -recording.time, atol=1e-6)
     np.testing.assert_allclose(recording.covariates["finger.effort"], 2 * recording.time, atol=1e-6)
     assert np.unique(recording.covariates["joint1.velocity"]).tolist() == [1.0]
+
+
+def test_ros_transforms_become_poses_in_the_root_of_their_frames(press, tmp_path):
+    turned = (0, 0, np.sqrt(0.5), np.sqrt(0.5))  # 90 degrees about z
+    messages = [("/tf_static", START, transforms(START, ("map", "base", (1, 2, 3), turned)))]
+    for at, x in map(ramp, range(-10, 120)):
+        frames = [("base", "/box", (x, 0, 0.5), (0, 0, 0, 1)), ("box", "lid", (0, 0, 1), (0, 0, 0, 1))]
+        messages.append(("/tf", at, transforms(at, *frames)))
+    write_ros2(tmp_path / "tf.mcap", messages, "tf2_msgs/msg/TFMessage", TRANSFORMS)
+    with pytest.warns(UserWarning, match="tf.mcap: frames on others that move were left out: lid on box"):
+        recording = Recording.load(press, streams=tmp_path / "tf.mcap")
+    assert list(recording.covariates) == ["box"]
+    poses = recording.covariates["box"].reshape(-1, 4, 4)
+    np.testing.assert_allclose(poses[:, :3, 3], [[1, 2 + x, 3.5] for x in recording.time], atol=1e-6)
+    np.testing.assert_allclose(poses[:, :3, :3] - [[0, -1, 0], [1, 0, 0], [0, 0, 1]], 0, atol=1e-9)
 
 
 def test_topics_with_the_same_joint_and_messages_of_some_joints(press, tmp_path):

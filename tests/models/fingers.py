@@ -1,7 +1,7 @@
 """Robots in MJCF for finding mounts: two fingers that close on each other, an arm that carries them, a bending hand."""
 
 import numpy as np
-from scenes import axes_of
+from models.scenes import axes_of
 
 BOX = '<geom type="box" size="0.005 0.01 0.03" mass="0.05"/>'
 
@@ -72,6 +72,28 @@ def bending_hand(bend="0 1.4") -> tuple[str, str]:
             actuators += f'<position name="{name}_{k}" joint="{name}_{k}" kp="1" ctrlrange="{limits}"/>'
     palm = '<geom type="box" size="0.05 0.03 0.01" pos="0.03 0.015 0" mass="0.3"/>'
     return f'<body name="palm">{palm}{bodies}</body>', actuators
+
+
+def four_bars() -> tuple[str, str, str]:
+    """Return a palm with two fingers that parallel cranks keep upright, their actuator, and their equalities.
+
+    One actuator turns the left crank by 0 to 0.9 rad, and the right crank follows. The inner faces of the fingers are
+    ``2 * (0.045 - 0.05 * sin(angle))`` m apart.
+    """
+    bodies, loops = "", ""
+    for side, sign in (("left", 1), ("right", -1)):
+        crank = f'axis="0 {sign} 0" damping="0.2"'
+        rod = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.003" mass="0.01"/>'
+        bodies += f"""<body name="{side}_crank" pos="{-sign * 0.05} 0 0">
+            <joint name="{side}_crank" {crank} range="0 0.9"/>{rod}
+            <body name="{side}" pos="0 0 0.05"><joint name="{side}_tip" {crank}/>
+              <geom type="box" pos="0 0 0.02" size="0.005 0.012 0.025" mass="0.02"/></body></body>
+          <body name="{side}_rocker" pos="{-sign * 0.075} 0 0">
+            <joint name="{side}_rocker" {crank}/>{rod}</body>"""
+        loops += f'<connect body1="{side}_rocker" body2="{side}" anchor="0 0 0.05" solref="0.004 1"/>'
+    loops += '<joint joint1="right_crank" joint2="left_crank" solref="0.004 1"/>'
+    palm = f'<body name="palm"><geom type="box" size="0.06 0.02 0.01" pos="0 0 -0.02" mass="0.3"/>{bodies}</body>'
+    return palm, '<position name="close" joint="left_crank" kp="5" ctrlrange="0 0.9"/>', loops
 
 
 def three_fingers() -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import mujoco
@@ -253,6 +254,76 @@ def test_what_stands_beside_a_hand_file_stays_out_of_the_arm_and_a_hand_may_stan
     assert read(alone).nlight == 1
     with pytest.warns(UserWarning, match="nothing is below box, so it falls"):
         compose_scene(hand=HAND, objects=["box:20x20x20mm:0.1kg@1,0,0.3"])
+
+
+# meshes
+
+BRICK = trimesh.creation.box((0.03, 0.02, 0.05))
+CUP = trimesh.creation.annulus(0.02, 0.025, 0.08)
+
+
+@pytest.mark.parametrize("scale", [1, 1000])
+def test_an_object_from_a_mesh_is_as_one_from_numbers_whatever_the_file_s_unit(tmp_path, scale):
+    BRICK.copy().apply_translation((1, 2, 3)).apply_scale(scale).export(tmp_path / "my brick.stl")
+    text = f"mesh:{tmp_path}/my brick.stl:0.1kg"
+    scene = compose_scene(hand=HAND, table=(0, 0, -0.3), objects=[text, text, "box:30x20x50mm:0.1kg"])
+    assert f"my_brick: 30 x 20 x 50 mm, read in {'m' if scale == 1 else 'mm'}; convex" in scene.report
+    data = mujoco.MjData(model := read(scene))
+    mujoco.mj_step(model, data, 500)
+    for name in ("my_brick", "my_brick2"):
+        np.testing.assert_allclose(model.body(name).mass, 0.1, rtol=1e-5)
+        np.testing.assert_allclose(np.sort(model.body(name).inertia), np.sort(model.body("box").inertia), rtol=1e-4)
+        np.testing.assert_allclose(data.body(name).xpos[2], data.body("box").xpos[2], atol=2e-4)
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_hollow_mesh_is_cut_into_convex_parts_or_its_hull_is_named(tmp_path, monkeypatch, cut):
+    if cut:
+        pytest.importorskip("vhacdx")
+    else:
+        monkeypatch.setitem(sys.modules, "vhacdx", None)  # as if it were not installed
+    CUP.export(tmp_path / "cup.obj")
+    scene = compose_scene(hand=HAND, table=(0, 0, -0.3), objects=[f"mesh:{tmp_path}/cup.obj:0.2kg"])
+    model = read(scene)
+    assert model.body("cup").mass == pytest.approx(0.2, rel=1e-5)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    above = data.body("cup").xpos + [0, 0, 0.1]
+    fell = mujoco.mj_ray(model, data, above, [0, 0, -1.0], None, 1, -1, np.zeros(1, dtype=np.int32))
+    expected = "convex parts" if cut else "its convex hull, 178 % larger than the mesh, since vhacdx is not installed"
+    assert expected in scene.report
+    assert fell == pytest.approx(0.14 if cut else 0.06, abs=2e-3), "the table is seen through the hole"
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "message"),
+    [
+        ("far.stl", BRICK.copy().apply_scale(1e5), "the lengths of an object must lie between 1 and 1000 mm"),
+        ("flat.stl", trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), "flat.stl has no volume"),
+        ("junk.stl", b"\0" * 80 + b"\xff\xff\xff\x7f" + b"junk", "junk.stl is not a mesh that can be read"),
+        ("junk.obj", b"f 1 2 3\n" * 3, "junk.obj is not a mesh that can be read"),
+        ("cup.xml", b"<mujoco/>", "must be a file .stl, .obj, .ply, got"),
+    ],
+)
+def test_a_file_that_is_no_object_is_refused(tmp_path, name, mesh, message):
+    path = tmp_path / name
+    path.write_bytes(mesh) if isinstance(mesh, bytes) else mesh.export(path)
+    with pytest.raises(InvalidValueError, match=re.escape(message)) as caught:
+        compose_scene(hand=HAND, table=(0, 0, -0.3), objects=[f"mesh:{path}:1kg"])
+    assert "\n" not in str(caught.value)
+    with pytest.raises(FileNotFoundError):
+        compose_scene(hand=HAND, objects=["mesh:none.stl:1kg@0,0,1"])
+
+
+def test_a_mesh_opens_no_file_that_it_names(tmp_path, monkeypatch):
+    opened = []
+    own = open
+    monkeypatch.setattr("builtins.open", lambda path, *rest, **more: opened.append(path) or own(path, *rest, **more))
+    (tmp_path / "paint.mtl").write_text("newmtl paint\n")
+    (tmp_path / "brick.obj").write_text("mtllib paint.mtl\nusemtl paint\n" + BRICK.export(file_type="obj"))
+    scene = compose_scene(hand=HAND, table=(0, 0, -0.3), objects=[f"mesh:{tmp_path}/brick.obj:1kg"])
+    assert "brick: 30 x 20 x 50 mm, read in m; convex" in scene.report
+    assert {Path(path).name for path in opened if isinstance(path, (str, Path))} == {"brick.obj"}
 
 
 # bad input

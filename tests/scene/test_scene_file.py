@@ -15,8 +15,9 @@ from paxisim.scene.toml import format_scene
 
 DRIVES = (
     Drive("tip.z", joint="depth", unit="mm", scale=-1.0, offset=0.012, resolution=0.05),
-    Drive("arm", body="hand", unit="mm", offset=(0.0, 0.1, 0.0)),
+    Drive("arm", body="hand", unit="mm", offset=(0.0, 0.1, 0.0), quaternion="xyzw"),
     Drive('a "quoted" \\ name\x7f', actuator="close", unit="mA", scale=2.5, column=3),
+    Drive("opening", joint="crank", unit="mm", offset=1e-3, curve=[(0.0, 0.8), (0.08, 0)]),
 )
 
 
@@ -26,7 +27,7 @@ def test_what_is_saved_loads_as_it_was(tmp_path):
         DRIVES,
         mode="servo",
         closing="tip.z",
-        start=(ObjectStart("peg", (0.0, 0.0, 0.1)), ObjectStart("nut", stream="nut_pose")),
+        start=(ObjectStart("peg", (0.0, 0.0, 0.1)), ObjectStart("nut", stream="nut_pose", quaternion="xyzw")),
         settle=1.5,
         gel=Gel(modulus=8e4),
         pads=("left", "right"),
@@ -53,6 +54,9 @@ BAD = {
     GOOD + 'unit = "cm"\n': "unknown unit 'cm'",
     GOOD + "scale = 0\n": "scale of the drive of 'z' must be finite and not 0",
     GOOD + "offset = [1, 2, 3]\n": "offset of the drive of 'z' must be a finite number",
+    GOOD + "curve = [[0, 1], 2]\n": "curve of .*must be a list of lists of 2 numbers",
+    GOOD + "curve = [[0, 1], [1, 2], [2, 1]]\n": "the curve of the drive of 'z' must have two or more points",
+    GOOD + "quaternion = 'wxzy'\n": "unknown order of quaternions 'wxzy'",
     GOOD + "scale = true\n": "must be a number, got True",
     "mode = 'fast'\n" + GOOD: "mode must be one of kinematic, fitted, shape, servo, force, got 'fast'",
     "mode = 'fitted'\n" + GOOD: "mode fitted needs closing",

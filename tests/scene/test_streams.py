@@ -65,6 +65,15 @@ def test_units_that_are_off_are_recognised():
     refused('are deg, not rad: set unit = "deg"', Scene(model, [Drive("angle", joint="h", unit="rad")]), turned)
 
 
+def test_a_stream_beyond_the_ends_of_its_curve_is_refused_and_a_better_unit_named():
+    refused(
+        r"gives the curve of joint 'depth' from .* beyond its limits -0.0005 to 0.001; check unit, scale and offset",
+        driven(curve=[(-5e-4, 0.0), (1e-3, 1e-3)]),
+    )
+    millimetres = changed(depth=1e3 * STREAMS["depth"])
+    refused('its values are mm, not m: set unit = "mm"', driven(curve=[(-1e-3, 0.0), (2e-3, 1e-3)]), millimetres)
+
+
 def test_streams_that_cannot_drive_the_scene():
     missing = {name: STREAMS[name] for name in ("x", "y")}
     refused("unknown stream 'depth'", recorded=recording(TIME, missing))

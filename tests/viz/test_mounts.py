@@ -8,6 +8,7 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 import paxisim
+from paxisim.viz.scene_picture import plot_scene
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
 GRID = paxisim.TaxelLayout(4, 3, 0.005)
@@ -122,3 +123,13 @@ def test_spheres_are_drawn_as_large_as_they_are():
     (taxels,) = pads_drawn(paxisim.plot_mounts(paxisim.attach(TOOL, pad, [ON_TOOL])).axes[1])
     widths = [np.ptp(path.vertices[:, 0]) for path in taxels.get_paths()]
     assert widths == pytest.approx([4e-3] * 4, rel=0.02)
+
+
+def test_a_scene_in_a_pose_shows_all_of_it_and_each_hand_from_close_by():
+    gripper = paxisim.attach(GRIPPER, GRID)
+    model = gripper.compile()
+    figure = plot_scene(model, gripper.bind(model), model.qpos0, "the first contact")
+    whole, hand = figure.axes
+    assert (figure.get_suptitle(), texts_of(whole), texts_of(hand)) == ("the first contact", [], ["1", "2"])
+    assert sorted(faces(pad) for pad in pads_drawn(hand)) == [(1, 0), (12, 12)]
+    assert len(whole.lines[0].get_xdata()) == 2, "there should be a ring around each pad"
