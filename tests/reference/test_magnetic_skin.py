@@ -10,6 +10,7 @@ import pytest
 
 import paxisim
 from paxisim.cli import main
+from paxisim.layer.response import layer_response
 
 NAMES = ("anyskin", "reskin", "eflesh")
 ORDER = {"anyskin": "CLRUD", "reskin": "CURDL", "eflesh": "CLRUD"}
@@ -105,6 +106,18 @@ def test_the_displacement_is_reciprocal_on_the_face():
     )
 
 
+def test_a_magnet_moves_as_the_layer_does_at_its_place():
+    design = skin_of("eflesh").design
+    cell, force = 37, np.zeros((3, 100))
+    force[:, cell] = 1e-4, -2e-4, 3e-4
+    displaced, turned = skin_of("eflesh").motion(force.reshape(3, 10, 10))
+    layer, places = design.layer, np.array(design.magnets)
+    beside = places[:, :2] - design.cells.positions[cell, :2]
+    expected = layer_response(beside, 6e-3, layer.thickness, layer.modulus, layer.poisson, design.cells.pitch)
+    for got, per_newton in zip((displaced, turned), expected, strict=True):
+        np.testing.assert_allclose(got.T, per_newton @ force[:, cell], atol=1e-4 * np.abs(got).max())
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_small_press_is_linear_and_the_linear_field_adds_up(name):
     skin = skin_of(name)
@@ -176,6 +189,7 @@ def test_a_measurement_has_the_noise_and_the_counts_of_the_chips():
     np.testing.assert_allclose(flux / step, np.rint(flux / step), atol=1e-9)
     expected = np.hypot(skin.design.noise, step[:, 0, 0] / 12**0.5)
     np.testing.assert_allclose(flux.std(axis=(0, 2, 3)), expected, rtol=0.03)
+    np.testing.assert_allclose(flux.mean(axis=(0, 2, 3)), 0, atol=0.2)
     np.testing.assert_array_equal(skin.measure(force, np.random.default_rng(0)), flux)
     free = paxisim.MagneticSkin(replace(skin.design, noise=(0, 0, 0), step=(0, 0, 0)))
     np.testing.assert_array_equal(free.measure(PRESSES, np.random.default_rng(0)), free.read(PRESSES))
