@@ -3,8 +3,9 @@
 FOLDER holds two recordings of eFlesh, ``press_1`` and ``press_2`` (see `paxisim.logs.eflesh`). An even load on 4x4
 cells of `paxisim.MagneticSkin("eflesh")` stands for the indenter, whose shape and place are not published. Only that
 place is fitted: the one of 7x7 at which the change of all fifteen channels at 20 N points most nearly along the
-measured one. Compared are the size of each chip's change at 20 N, its growth with the load as the exponent of a power
-law from 2 to 30 N while loading, and the width of the loop, which the simulation lacks.
+measured one, for the turns of both boards and both signs of the magnets' poles. Compared are the size of each chip's
+change at 20 N, its growth with the load as the exponent of a power law from 2 to 30 N while loading, and the width of
+the loop, which the simulation lacks.
 """
 
 from __future__ import annotations
@@ -61,9 +62,11 @@ def main(folder: tyro.conf.Positional[Path]) -> None:
     """
     np.set_printoptions(precision=2, suppress=True)
     simulated = {}
-    for name, turns in TURNS.items():
-        design = replace(paxisim.SkinDesign.named("eflesh"), turns=tuple(np.radians(turns)))
-        simulated[name] = paxisim.MagneticSkin(design).read(presses())[..., 0, :]
+    eflesh = paxisim.SkinDesign.named("eflesh")
+    for board, turns in TURNS.items():
+        for poles, sign in (("", 1), (", other poles", -1)):
+            design = replace(eflesh, turns=tuple(np.radians(turns)), remanence=sign * eflesh.remanence)
+            simulated[board + poles] = paxisim.MagneticSkin(design).read(presses())[..., 0, :]
     for n in (1, 2):
         down, up = measured(paxisim.Recording.load(folder / f"press_{n}.sensor.csv"))
         size = np.linalg.norm(down[REFERENCE], axis=0)

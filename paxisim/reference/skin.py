@@ -177,14 +177,14 @@ def _motion(design: SkinDesign, places: FloatArray) -> FloatArray:
     """Return displacements and rotations of the dipoles per force on the cells, ``(3 N, 6 M)``."""
     layer = design.layer
     cells, count = design.cells.positions[:, :2], design.cells.taxels
-    full = np.empty((count, len(places), 6, 3))  # [loaded cell, dipole, motion, force]
+    full = np.empty((3, count, len(places), 6))  # [force, loaded cell, dipole, motion]
     for depth in np.unique(places[:, 2]):
         here = places[:, 2] == depth
         beside = (places[here, :2] - cells[:, None]).reshape(-1, 2)
         unique, where = np.unique(np.round(beside, 9), axis=0, return_inverse=True)
         response = _response(unique.tobytes(), float(depth), layer.thickness, layer.poisson, design.cells)
-        full[:, here] = response[where.reshape(-1)].reshape(count, -1, 6, 3)
-    return full.transpose(3, 0, 1, 2).reshape(3 * count, -1) / layer.modulus
+        full[:, :, here] = response[where.reshape(-1)].reshape(count, -1, 6, 3).transpose(3, 0, 1, 2) / layer.modulus
+    return full.reshape(3 * count, -1)
 
 
 @lru_cache(maxsize=16)

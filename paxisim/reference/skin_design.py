@@ -31,6 +31,9 @@ ACROSS, DEEP = 4, 5
 """Dipoles along a side of a cell and over the depth, at Gauss points, that stand for a skin magnetised throughout. For
 AnySkin, 6 and 8 change a reading by at most 0.3 % of the largest of a press; 3 and 4 are wrong by 14 %."""
 
+MAX_CELLS = 400
+"""Largest number of contact cells; memory and time grow with its square, and this many take 3 GB and a minute."""
+
 
 @dataclass(frozen=True)
 class SkinDesign:
@@ -54,8 +57,9 @@ class SkinDesign:
             states.
 
     Raises:
-        InvalidValueError: A value is not finite or has the wrong sign, the cells are not a flat grid, the layer is not
-            bonded, a magnet is not inside the skin, or the numbers of chips and turns differ.
+        InvalidValueError: A value is not finite or has the wrong sign, the cells are not a flat grid or more than
+            `MAX_CELLS`, the layer is not a bonded `Layer`, a magnet is not inside the skin, or the numbers of chips and
+            turns differ.
     """
 
     cells: TaxelLayout
@@ -72,8 +76,16 @@ class SkinDesign:
 
     def __post_init__(self) -> None:
         """Check the values."""
+        if not isinstance(self.cells, TaxelLayout) or not isinstance(self.layer, Layer):
+            got = f"{type(self.cells).__name__} and {type(self.layer).__name__}"
+            raise InvalidValueError(f"expected a TaxelLayout as cells and a paxisim.Layer as layer, got {got}")
         if not self.cells.is_grid:
             raise InvalidValueError("a magnetic skin needs a flat grid of cells: curved skins are not supported")
+        if self.cells.taxels > MAX_CELLS:
+            raise InvalidValueError(
+                f"a magnetic skin has at most {MAX_CELLS} cells, got {self.cells.rows}x{self.cells.cols}: use a larger "
+                "pitch"
+            )
         if not self.layer.bonded:
             raise InvalidValueError("a magnetic skin needs a bonded layer: nothing holds another against a shear force")
         if not 0 < self.gap < np.inf:

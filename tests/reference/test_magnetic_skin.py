@@ -129,6 +129,19 @@ def test_a_small_press_is_linear_and_the_linear_field_adds_up(name):
     assert skin.motion(1000 * PRESSES)[0][:, 2].max() < skin.design.layer.thickness, "no magnet moves through the base"
 
 
+@pytest.mark.parametrize(
+    ("name", "newtons", "error"),
+    [("anyskin", 0.1, 0.06), ("anyskin", 0.25, 0.14), ("anyskin", 1, 0.49), ("anyskin", 5, 1.3)]
+    + [("eflesh", 0.1, 0.015), ("eflesh", 0.25, 0.037), ("eflesh", 1, 0.13), ("eflesh", 5, 0.43)],
+)
+def test_the_linear_field_is_as_wrong_as_the_guide_says(name, newtons, error):
+    rows, cols = range(0, 9, 2), (0, 4, 7)
+    force = np.stack([press(newtons, slice(r, r + 2), slice(c, c + 2), 0.3) for r in rows for c in cols])
+    exact, linear = skin_of(name).read(force), skin_of(name).read(force, linear=True)
+    worst = np.abs(linear - exact).max(axis=(1, 2, 3)) / np.abs(exact).max(axis=(1, 2, 3))
+    assert worst.max() == pytest.approx(error, rel=0.08)
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("linear", [False, True])
 def test_a_press_in_the_middle_is_mirrored_at_the_outer_chips(name, linear):
@@ -205,6 +218,8 @@ def test_a_measurement_has_the_noise_and_the_counts_of_the_chips():
         ({"magnets": ((0.0, 0.0, 0.03),)}, "inside the skin, 0 to 0.02"),
         ({"magnet_volume": 0.0}, "magnet_volume must be positive"),
         ({"noise": (1.0, -1.0, 1.0)}, "noise must be three numbers"),
+        ({"layer": 0.3e6}, "a paxisim.Layer as layer, got TaxelLayout and float"),
+        ({"cells": paxisim.TaxelLayout(21, 20, 1e-3)}, "at most 400 cells, got 21x20"),
         ({"layer": paxisim.Layer(bonded=False)}, "needs a bonded layer"),
         ({"cells": paxisim.TaxelLayout(1, 2, 2e-3, [[0, 0, 0], [2e-3, 0, 1e-3]])}, "needs a flat grid"),
     ],
