@@ -78,10 +78,10 @@ class MagneticSkin:
         Args:
             force: ``(..., 3, rows, cols)`` newtons on the contact cells.
             linear: Whether to take the field as linear in the forces, which is a thousand times faster and right for
-                small loads only. For a press on 2x2 cells of AnySkin it is wrong by up to 6 % of the reading at 0.1 N
+                small loads only: for a press on 2x2 cells of AnySkin it is wrong by up to 6 % of the reading at 0.1 N
                 and by half at 1 N, since an even magnetisation cancels most of the linear part; for eFlesh by up to
-                13 % at 1 N.
-                Otherwise the skin stiffens as it is compressed, and the fields of the moved magnets are summed.
+                13 % at 1 N. Otherwise the skin stiffens as it is compressed, and the fields of the moved magnets are
+                summed.
             outside: ``(..., 3)`` change of an external flux density since zeroing (uT, pad frame), such as that of
                 the earth when the hand turns; broadcast against the leading axes of `force`.
 
