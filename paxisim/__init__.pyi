@@ -75,6 +75,8 @@ from .reference.parameters import GelMemory as GelMemory
 from .reference.parameters import PadParameters as PadParameters
 from .reference.sensor import MagneticSensor as MagneticSensor
 from .reference.sensor import reference_sensor as reference_sensor
+from .reference.skin import MagneticSkin as MagneticSkin
+from .reference.skin_design import SkinDesign as SkinDesign
 from .scene.agreement import Agreement as Agreement
 from .scene.agreement import compare_streams as compare_streams
 from .scene.drive import Drive as Drive

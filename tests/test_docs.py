@@ -34,6 +34,7 @@ RUN = {
     "guides/gpu.md": ("torch",),
     "guides/warp.md": ("mujoco_warp", "torch"),
     "guides/diagnose.md": ("sklearn", "jinja2"),
+    "guides/anyskin.md": (),
     "guides/magnetic-pad.md": (),
     "formats/tables.md": (),
 }

@@ -126,6 +126,16 @@ def test_a_field_sensor_reads_newtons(printed):
     np.testing.assert_allclose(read, pushed, atol=0.1)
 
 
+@pytest.mark.slow
+def test_slip_is_found_on_other_skins(printed):
+    rates = re.findall(r"finds (\d+)% of (\d+) frames with slip, false alarm in (\d+)%", printed("anyskin_slip.py"))
+    assert len(rates) == 4
+    for found, frames, false in np.array(rates, int):
+        assert found > 80
+        assert frames > 100
+        assert false < 10
+
+
 def test_a_notebook_is_kept_without_its_outputs():
     for notebook in NOTEBOOKS:
         cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
