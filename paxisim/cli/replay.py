@@ -21,7 +21,7 @@ def replay(
     scene: Path,
     streams: tuple[Path, ...] = (),
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
-    mode: Literal["kinematic", "fitted", "shape", "servo", "force"] | None = None,
+    mode: Literal["auto", "kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
     jobs: int = 1,
     force: bool = False,
@@ -45,6 +45,7 @@ def replay(
         streams: Files with more streams of the same motion, such as the robot's log; as for `paxisim convert`.
         output: Output file, .mcap or .npz.
         mode: How the scene follows the motion; default: as the scene file states.
+            auto: fitted if the opening of the gripper does not determine the force, else kinematic.
             kinematic: exact poses.
             fitted: exact poses, with a closing offset fitted to the measured force.
             shape: as fitted, but only to the time course of the force.

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,13 +49,6 @@ class Follower:
             (self.rig.object_address(start.body), streams.object_poses(recording, start)) for start in scene.start
         ]
         self.runner = EpisodeRunner(self.rig)
-
-    @property
-    def free(self) -> tuple[int, ...]:
-        """Indices in ``qpos`` of the free objects that no stream moves."""
-        driven = {self.rig.joint(drive) for drive in (*self.rig.prescribed, *self.rig.followed)}
-        joints = np.flatnonzero(self.rig.model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
-        return tuple(int(self.rig.model.jnt_qposadr[joint]) for joint in joints if joint not in driven)
 
     def known(self, part: Recording) -> NDArray[np.bool_]:
         """Return a mask ``(T,)`` of the samples at which all driving streams are known."""

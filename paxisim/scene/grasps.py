@@ -122,7 +122,7 @@ class _Grasp:
     def end(self, closing: float, lost: bool) -> NDArray[np.float64]:
         """Return the state at the end with a closing; if the hand lost the object, this lies where it was carried."""
         end = self._ends[closing]
-        free = self._follower.free
+        free = self._follower.rig.free
         if not lost or len(free) != 1:  # of several objects, nobody knows which the hand held
             return end
         assert self._part.measured is not None

@@ -99,7 +99,7 @@ def guess_scene(
     start, placed = _objects(model, pads, {drive.body for drive in drives})
     carried = _moving_pads(model, pads)
     closing = closing_stream(model, hands, drives, carried)
-    scene = Scene(mjcf, tuple(drives), closing=closing, start=start)
+    scene = Scene(mjcf, tuple(drives), mode="auto" if closing else "kinematic", closing=closing, start=start)
     more += [f"stream {closing!r} brings the pads into contact (closing)"] if closing else []
     gel = f"the modulus of the gel, {1e-3 * scene.gel.modulus:.4g} kPa, is a default: set that of your pads in [gel]"
     doubts += [

@@ -1,4 +1,7 @@
-"""The modes in which a scene follows a recorded motion, and the causes that each makes unobservable."""
+"""The modes in which a scene follows a recorded motion, and the causes that each makes unobservable.
+
+Mode ``"auto"`` stands for ``"kinematic"`` or ``"fitted"``; `paxisim.scene.auto_mode` chooses.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import Literal, get_args
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
-Mode = Literal["kinematic", "fitted", "shape", "servo", "force"]
+Mode = Literal["auto", "kinematic", "fitted", "shape", "servo", "force"]
 
 _SERVO = "the servo follows with a lag and a stiffness of its own"
 _FORCE = "the recorded force sets the total, so its calibration error looks like one of the sensor"

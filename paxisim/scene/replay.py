@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from paxisim._version import __version__
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
+from paxisim.scene.auto_mode import COARSE_FRACTION, with_mode
 from paxisim.scene.closing import total_normal
 from paxisim.scene.doubt import find_doubts, find_grasps
 from paxisim.scene.encoder import EncoderError
@@ -23,9 +24,6 @@ from paxisim.scene.grasps import CLOSING_FITS, by_grasp
 from paxisim.scene.modes import MODES
 from paxisim.scene.rig import Rig
 from paxisim.scene.scene import Scene
-
-COARSE_FRACTION = 0.1
-"""Fraction of the peak force above which half an encoder step is reported as too coarse for the total force."""
 
 CONTACT_FORCE = 0.2
 """Total normal force (N) above which there is certainly contact."""
@@ -62,6 +60,7 @@ class Replay:
             InvalidValueError: See `paxisim.Scene.simulate`.
             UnknownNameError: See `paxisim.Scene.simulate`.
         """
+        scene, self._reason = with_mode(scene, recording)
         if scene.mode in CLOSING_FITS and recording.measured is None:
             raise InvalidValueError(f"mode {scene.mode} needs the measured forces, but the recording has none")
         if scene.mode in CLOSING_FITS and recording.unit != "N":
@@ -71,6 +70,11 @@ class Replay:
             )
         self._scene, self._recording, self._mean = scene, recording, mean
         self._follower = Follower(scene, recording, mean)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with the mode that it is replayed in."""
+        return self._scene
 
     @property
     def rig(self) -> Rig:
@@ -101,7 +105,7 @@ class Replay:
             done = by_grasp(self._follower, moving, closings)
             return SimulatedEpisode(number, _within(part, known, done.force), done.closings, done.notes)
         force = self._follower.forces(moving)
-        if len(self._follower.free) == 1 and find_doubts(moving, force):
+        if len(self.rig.free) == 1 and find_doubts(moving, force):
             assert moving.measured is not None
             grasps = find_grasps(moving.time, moving.measured)
             force = by_grasp(self._follower, moving, [0.0] * len(grasps)).force
@@ -213,7 +217,7 @@ class Replay:
         for part, episode in zip(self._recording.episodes(), ordered, strict=True):
             force = episode.force.copy()
             # what is fixed cannot be lost: if the hand misses it, that is what a diagnosis must explain
-            for doubt in find_doubts(part, force) if self._follower.free else ():
+            for doubt in find_doubts(part, force) if self.rig.free else ():
                 doubts.append(f"episode {episode.number}, {doubt.begin:.2f} s to {doubt.end:.2f} s: {doubt.why}")
                 force[doubt.samples] = np.nan
             kept.append(force)
@@ -229,7 +233,8 @@ class Replay:
 
         scene = replace(self._scene, sensor="", pool=1, mounts=(), pads=self.rig.pads.names)
         mode, error = MODES[scene.mode], self.encoder_error(episodes)
-        notes = [note for episode in episodes for note in episode.notes]
+        notes = [self._reason] if self._reason else []
+        notes += [note for episode in episodes for note in episode.notes]
         if error is not None and error.newtons > COARSE_FRACTION * error.peak:
             notes.append(
                 f"half an encoder step changes the force by {error.newtons:.2g} N at the peak of {error.peak:.3g} N in "

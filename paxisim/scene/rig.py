@@ -67,6 +67,13 @@ class Rig:
             return int(self.model.joint(drive.joint).id)
         return int(self.model.body_jntadr[self.model.body(drive.body).id])
 
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Indices in ``qpos`` of the free objects that no stream moves."""
+        driven = {self.joint(drive) for drive in (*self.prescribed, *self.followed)}
+        joints = np.flatnonzero(self.model.jnt_type == _FREE)
+        return tuple(int(self.model.jnt_qposadr[joint]) for joint in joints if joint not in driven)
+
     def object_address(self, body: str) -> int:
         """Return the index in ``qpos`` of the pose of a body with a free joint.
 
@@ -193,7 +200,7 @@ def _roles(scene: Scene, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> _R
     joints = tuple(d for d in scene.drives if d.joint)
     actuators = tuple(d for d in scene.drives if d.actuator)
     dof = {d: int(model.jnt_dofadr[model.joint(d.joint).id]) for d in joints}
-    if scene.mode in ("kinematic", "fitted", "shape"):
+    if scene.mode in ("auto", "kinematic", "fitted", "shape"):
         held = coupled(model, set(dof.values()))
         unused = tuple(d for d in actuators if moves[model.actuator(d.actuator).id] & held)
         return _Roles((*bodies, *joints), commands=tuple(d for d in actuators if d not in unused), unused=unused)

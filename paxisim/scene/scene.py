@@ -38,7 +38,8 @@ class Scene:
         mjcf: Path of the MJCF file, or its text. An episode begins at its first keyframe, if it has one.
         drives: The drives: which stream moves which part of the model.
         mode: How the motion is followed: see `paxisim.scene.modes.MODES`, which also states what each mode makes
-            unobservable.
+            unobservable. ``"auto"`` is ``"fitted"`` where the opening of a gripper does not determine the force of a
+            free object to a tenth, otherwise ``"kinematic"``.
         closing: The stream that presses or closes; modes ``"fitted"`` and ``"shape"`` add a constant to it.
         start: Start poses of objects at the beginning of an episode.
         settle: Time (s) for which the scene rests at the first pose before each episode.

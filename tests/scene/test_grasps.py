@@ -115,6 +115,20 @@ def test_a_closing_is_fitted_to_each_grasp(scene, carried):
         replace(scene, mode="shape").simulate(drifted[::15])
 
 
+def test_the_mode_is_chosen_by_what_the_opening_determines(scene, carried):
+    auto = replace(scene, mode="auto")
+    soft = auto.simulate(carried).metadata["replay"]
+    assert (soft["mode"], soft["notes"]) == ("kinematic", [])
+    stiff = auto.simulate(carried, modulus=4e5).metadata["replay"]
+    assert stiff["mode"] == "fitted"
+    # 0.025 mm on 9 springs of 400 kPa * 25 mm2 / 3.3 mm
+    assert "0.025 mm" in stiff["notes"][0]
+    assert f"by {4e5 * 25e-6 / 3.3e-3 * 9 * 25e-6:.2g} N" in stiff["notes"][0]
+    coarse = replace(auto, drives=[replace(d, resolution=2e-4) for d in scene.drives])
+    assert coarse.simulate(carried).metadata["replay"]["mode"] == "fitted"
+    assert replace(auto, closing="").simulate(carried).metadata["replay"]["mode"] == "kinematic"
+
+
 def test_a_diagnosis_repeats_the_doubt_and_explains_nothing_where_most_is_in_doubt(scene, carried, tmp_path, capsys):
     lossy = np.asarray(paxisim.augment.Latency(0.06).run(carried.measured.astype(float), carried.time), np.float32)
     lossy += np.random.default_rng(0).normal(0, 0.01, lossy.shape).astype(np.float32)

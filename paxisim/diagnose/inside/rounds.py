@@ -77,6 +77,7 @@ def in_scene(
     """
     tell("replaying the motion", 0.0)
     replay = scene.prepare(recording)
+    scene = replay.scene
     episodes = [replay.run(number) for number in replay.episodes]
     recording = replay.paired(episodes)
     closings = {episode.number: episode.closings for episode in episodes}
@@ -115,7 +116,7 @@ def in_scene(
 
 
 def _simulated(recording: Recording, study: Study) -> Recording:
-    # where the replay was in doubt, it is unknown
+    assert recording.simulated is not None  # where the replay was in doubt, it is unknown
     return replace(recording, simulated=np.where(np.isnan(recording.simulated), np.float32(np.nan), study.base))
 
 
