@@ -1,10 +1,10 @@
 """Robots of other people grasp a box: the truth of `robots.py`, another model than the scene given to the replay.
 
 Each robot is a public hand on a lift, or a public arm with its gripper. Its actuators follow set-points: close, lift,
-shake, lower, slide along the table, open, and grasp again a little further. The recording has what such a robot reports:
-the position of each axis in steps of its encoder, and the opening of the gripper. Where the box is, it does not report;
-its pose at the start of an episode is drawn. The truth has another time step, other contact settings and four times as
-many taxels as the scene.
+shake, lower, slide along the table, open, and grasp again a little further. The recording has what such a robot
+reports: the position of each axis in steps of its encoder, and the opening of the gripper. It does not report where the
+box is; its pose at the start of an episode is drawn. The truth has another time step, other contact settings and four
+times as many taxels as the scene.
 """
 
 from __future__ import annotations
@@ -267,7 +267,7 @@ def _motion(along: NDArray[np.float64], rng: np.random.Generator) -> tuple[NDArr
 
     for first in (True, False):
         go(0.4)
-        go(rng.uniform(0.8, 1.2), grip=rng.uniform(0.6, 1.0))
+        go(rng.uniform(0.8, 1.2), grip=rng.uniform(0.8, 1.0))
         go(rng.uniform(0.4, 1.5))
         high = place + rng.uniform(0.01, 0.02) * up
         go(0.5, high)
