@@ -235,7 +235,8 @@ class Replay:
         mode, error = MODES[scene.mode], self.encoder_error(episodes)
         notes = [self._reason] if self._reason else []
         notes += [note for episode in episodes for note in episode.notes]
-        if error is not None and error.newtons > COARSE_FRACTION * error.peak:
+        coarse = error is not None and error.newtons > COARSE_FRACTION * error.peak
+        if error is not None and coarse and scene.mode not in CLOSING_FITS:
             notes.append(
                 f"half an encoder step changes the force by {error.newtons:.2g} N at the peak of {error.peak:.3g} N in "
                 f"episode {error.episode}: positions alone do not determine the total force to {COARSE_FRACTION:.0%}"
