@@ -47,9 +47,10 @@ def test_the_printed_error_is_that_of_live_use_on_another_motion(delay, kind) ->
     still = np.tensordot(2 * np.eye(3), gains, 1)
     read = calibration.model(still) - calibration.model(np.zeros_like(still[0]))
     np.testing.assert_allclose(read, 2 * np.eye(3), atol=0.15)
-    words = f"load shifted by {1e3 * calibration.readout.delay:.1f} ms;" if delay else "load not shifted by the delay;"
-    assert words in str(calibration.model)
-    assert "on held-out data as applied live, without a shift" in str(calibration)
+    when = f"{1e3 * calibration.readout.delay:.1f} ms earlier" if delay else "at the same time"
+    assert f"fitted to the load {when}; error of the load at the same time, as live, on held-out data" in str(
+        calibration
+    )
 
 
 def test_a_delay_that_explains_little_does_not_shift_the_loads() -> None:

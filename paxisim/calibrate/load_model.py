@@ -69,10 +69,14 @@ class LoadModel:
         """Table of the held-out error of each load."""
         kind = "quadratic" if self.quadratic else "linear"
         width = max(4, *(len(load.name) for load in self.loads))
-        shift = f"shifted by {1e3 * self.delay:.1f} ms" if self.delay else "not shifted by the delay"
+        when = (
+            f"{abs(1e3 * self.delay):.1f} ms {'earlier' if self.delay > 0 else 'later'}"
+            if self.delay
+            else "at the same time"
+        )
         lines = [
             f"load from all {self.used.sum()} channels together, {kind}, regularisation (ridge) {self.ridge:g}",
-            f"fitted to the load {shift}; error on held-out data as applied live, without a shift",
+            f"fitted to the load {when}; error of the load at the same time, as live, on held-out data",
         ]
         for load, error, explained in zip(self.loads, self.error, self.explained, strict=True):
             lines.append(f"{load.name:{width}}  {error:>8.3g} {load.unit:<4} explained {explained:.2%}")
@@ -83,7 +87,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, kind: Ki
     """Fit the load to all channels that a readout uses; held-out blocks choose the regularisation.
 
     The loads are shifted by the readout's delay if this removes at least half of the held-out squared error of a linear
-    model. Otherwise, hysteresis may look like a delay, and a shift would only add to the error in live use.
+    model. Otherwise the delay may be hysteresis, and a shift would only add to the error in live use.
 
     Args:
         recording: The recording that the readout was fitted to, with the loads in its covariates.
