@@ -66,9 +66,7 @@ def test_clocks_far_apart_are_told():
     with pytest.warns(UserWarning, match=r"end of the search, \+0\.5 s: it may be larger"):
         readout = paxisim.calibrate_readout(recording, NAMES)
     assert readout.delay_interval[1] == np.inf
-    assert "follow the loads by 500.0 ms, the end of the search; it may be larger, so it has no interval" in str(
-        readout
-    )
+    assert "follow the loads by 500.0 ms or more, the end of the search" in str(readout)
     assert paxisim.calibrate_readout(recording, NAMES, max_delay=2).delay == pytest.approx(0.9, abs=1e-3)
 
 

@@ -184,7 +184,7 @@ def _delay(readout: LinearCalibration) -> list[str]:
     what = "the channels follow the loads" if readout.delay > 0 else "the loads follow the channels"
     size = f"{abs(1e3 * readout.delay):.1f} ms"
     if np.isinf(readout.delay_interval).any():
-        lines = [f"delay: {what} by {size}, the end of the search; it may be larger, so it has no interval"]
+        lines = [f"delay: {what} by {size} or more, the end of the search"]
     elif low <= 0 <= high:
         lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
     else:
@@ -205,7 +205,7 @@ def _loads(readout: LinearCalibration) -> list[str]:
 
 def _channels(readout: LinearCalibration) -> list[str]:
     unit = readout.unit or "units"
-    shifted = ", with the loads shifted by the delay" if readout.delay else ""
+    shifted = ", loads shifted by the delay" if readout.delay else ""
     count, few = int(readout.used.sum()), len(readout.loads) <= MAX_WITH_ERRORS
     width = 17 if few else 10
     lines = [

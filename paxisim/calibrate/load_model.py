@@ -69,14 +69,13 @@ class LoadModel:
         """Table of the held-out error of each load."""
         kind = "quadratic" if self.quadratic else "linear"
         width = max(4, *(len(load.name) for load in self.loads))
-        when = (
-            f"{abs(1e3 * self.delay):.1f} ms {'earlier' if self.delay > 0 else 'later'}"
-            if self.delay
-            else "at the same time"
-        )
+        when = "at the same time"
+        if self.delay:
+            when = f"{abs(1e3 * self.delay):.1f} ms {'earlier' if self.delay > 0 else 'later'}"
         lines = [
-            f"load from all {self.used.sum()} channels together, {kind}, regularisation (ridge) {self.ridge:g}",
-            f"fitted to the load {when}; error of the load at the same time, as live, on held-out data",
+            f"load from all {self.used.sum()} channels together, {kind}, ridge {self.ridge:g}",
+            f"fitted to the load {when}",
+            "error on held-out data, of the load at the same time, as live",
         ]
         for load, error, explained in zip(self.loads, self.error, self.explained, strict=True):
             lines.append(f"{load.name:{width}}  {error:>8.3g} {load.unit:<4} explained {explained:.2%}")
