@@ -159,7 +159,6 @@ def _readout(document: dict[str, Any]) -> LinearCalibration:
         excitation=_excitation(document["excitation"], count),
         ridge=float(document["ridge"]),
         blocks=int(document["blocks"]),
-        drift=float(document["drift"]),
         unit=str(document["unit"]),
     )
 

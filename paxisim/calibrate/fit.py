@@ -36,10 +36,8 @@ def calibrate_readout(
 
     Least squares gives each channel an offset and a gain for each load. All channels lag the loads by one common delay;
     without it, a filter between sensor and load cell would look like a rotation of the axes. The delay and the gains
-    have 95 % intervals. If channels drift, each gets a slow offset in the fit, provided that this lowers the held-out
-    error; the readout has the mean offset, because nobody knows the drift of later readings. If loads are nearly
-    collinear, ridge regression shrinks their gains, with the same condition. Memory effects are left to the diagnosis,
-    and so is nonlinearity at degree 1.
+    have 95 % intervals. If loads are nearly collinear, ridge regression shrinks their gains, provided that this lowers
+    the held-out error. Memory effects are left to the diagnosis, and so is nonlinearity at degree 1.
 
     Episodes are held out in turn. For a recording with a single episode, the presses are held out, or blocks of time if
     there are no presses.
@@ -94,8 +92,8 @@ def calibrate_readout(
         raise InvalidValueError(
             f"a readout needs a varying load: {names} is known at {len(values)} samples and constant"
         )
+    lagged = Lagged(recording.time, values[:, excitation.excited], channels, recording.episode, degree)
     block = blocks_of(recording, values)
-    lagged = _lagged(recording, values[:, excitation.excited], channels, degree, block)
     delay = fit_delay(lagged, block, max_delay)
     readout = _readout(lagged, block, delay, found, excitation, recording)
     if not readout.used.any():
@@ -121,16 +119,6 @@ def blocks_of(recording: Recording, values: Array) -> NDArray[np.intp]:
     return number * min(count, HELD_OUT_BLOCKS[1]) // count
 
 
-def _lagged(recording: Recording, loads: Array, channels: Array, degree: int, block: NDArray[np.intp]) -> Lagged:
-    """Return loads and channels, with a slow offset of each channel if it lowers the held-out error."""
-    both = [Lagged(recording.time, loads, channels, recording.episode, degree, drifts) for drifts in (False, True)]
-    errors = []
-    for lagged in both:
-        sums = lagged.sums(0.0, block)
-        errors.append(sums.squares(sums.without().solve()).mean(axis=1) / np.maximum(sums.count, 1.0))
-    return both[1] if is_lower(errors[1], errors[0]) else both[0]
-
-
 def _readout(
     lagged: Lagged,
     block: NDArray[np.intp],
@@ -149,7 +137,6 @@ def _readout(
     for number, own in enumerate(delay.replicates):
         at = float(own) if is_late else 0.0
         without = smooth.sums(at).without().solve(ridge)
-        without[:, 1 + len(lagged.spread) :] = 0.0  # the drift of later readings is not known
         squares.append(lagged.sums(at, block).squares(without)[number])
         replicates.append(lagged.gains(smooth.sums(float(own)).without().solve(ridge)[number]))
     count = sums.count.sum()
@@ -178,7 +165,6 @@ def _readout(
         excitation,
         ridge,
         int(block.max()) + 1,
-        float(lagged.drift(fitted)[used].max(initial=0.0)),
         str(recording.metadata.get("unit", "")),
     )
 

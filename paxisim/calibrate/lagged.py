@@ -14,8 +14,6 @@ Array = NDArray[np.float64]
 
 MAX_GAP_INTERVALS = 10.0
 """Longest gap between samples that is interpolated across, in typical sample intervals."""
-DRIFT_DEGREE = 3
-"""Degree of the polynomial in time that is each channel's slow offset."""
 MAX_VALUES = 20_000_000
 """Maximum number of channel values in a fit; longer recordings use every n-th sample."""
 _TINY = 1e-10  # added to the diagonal, so that exactly collinear terms can be solved for
@@ -83,13 +81,10 @@ class Lagged:
 
     A piece is a stretch without a gap; `usual` is the median duration of the pieces (s).
 
-    The terms are a constant, then for each power all loads to that power, then, if channels drift, polynomials in time;
-    each is scaled to zero mean and unit variance.
+    The terms are a constant, then for each power all loads to that power, each scaled to zero mean and unit variance.
     """
 
-    def __init__(
-        self, time: Array, loads: Array, channels: Array, episode: NDArray[np.int64], degree: int, drifts: bool = False
-    ) -> None:
+    def __init__(self, time: Array, loads: Array, channels: Array, episode: NDArray[np.int64], degree: int) -> None:
         """Find the pieces without a gap, and the scales.
 
         Args:
@@ -98,7 +93,6 @@ class Lagged:
             channels: ``(T, channels)`` known values.
             episode: ``(T,)`` episode number of each sample.
             degree: Highest power of a load.
-            drifts: Whether each channel has a slow offset, a polynomial in time.
 
         Raises:
             InvalidValueError: No piece has two samples, or most samples repeat a timestamp.
@@ -120,10 +114,6 @@ class Lagged:
         powers = self._powers(loads)
         self.mean, self.spread = powers.mean(axis=0), np.maximum(powers.std(axis=0), 1e-12)
         self.level, self.scatter = channels.mean(axis=0), np.maximum(channels.std(axis=0), 1e-12)
-        # clocks of episodes may begin anew
-        clock = np.concatenate([[0.0], np.cumsum(np.maximum(steps, 0.0))])
-        slow = np.polynomial.legendre.legvander(2 * clock / clock[-1] - 1, DRIFT_DEGREE if drifts else 0)[:, 1:]
-        self.slow = (slow - slow.mean(axis=0)) / np.maximum(slow.std(axis=0), 1e-12)
         self._stride = -(-channels.size // MAX_VALUES)
 
     def _powers(self, loads: Array) -> Array:
@@ -146,7 +136,7 @@ class Lagged:
             loads.append(_interpolated(self.time[piece], self.loads[piece], self.time[own] - delay))
         which = np.concatenate(at)
         channels = (self.channels[which] - self.level) / self.scatter
-        return self._sums(np.concatenate(loads), self.slow[which], channels, block[which], int(block.max()) + 1)
+        return self._sums(np.concatenate(loads), channels, block[which], int(block.max()) + 1)
 
     def polynomial(self, coefficients: Array) -> tuple[Array, Array]:
         """Return offset ``(channels,)`` and coefficients of the powers ``(degree, loads, channels)`` in original units.
@@ -154,7 +144,7 @@ class Lagged:
         Args:
             coefficients: ``(terms, channels)`` coefficients of the scaled terms.
         """
-        slopes = coefficients[1 : 1 + len(self.spread)] / self.spread[:, None]
+        slopes = coefficients[1:] / self.spread[:, None]
         offset = self.level + self.scatter * (coefficients[0] - self.mean @ slopes)
         power = np.repeat(np.arange(1, self.degree + 1), len(self.size))
         slopes = self.scatter * slopes / np.tile(self.size, self.degree)[:, None] ** power[:, None]
@@ -165,10 +155,6 @@ class Lagged:
         slopes = self.polynomial(coefficients)[1]
         powers = [power * np.mean(self.loads ** (power - 1), axis=0) for power in range(1, self.degree + 1)]
         return np.einsum("pk,pkc->kc", np.stack(powers), slopes)
-
-    def drift(self, coefficients: Array) -> Array:
-        """Return the range of each channel's slow offset ``(channels,)``, in its unit, for such coefficients."""
-        return self.scatter * np.ptp(self.slow @ coefficients[1 + len(self.spread) :], axis=0)
 
     def averaged(self, most: float, block: NDArray[np.intp]) -> Averaged:
         """Return both streams averaged over a few intervals, at samples that are valid for all delays up to `most`.
@@ -191,9 +177,9 @@ class Lagged:
             )
         return Averaged(self, half, pieces, at, block)
 
-    def _sums(self, loads: Array, slow: Array, channels: Array, block: NDArray[np.intp], count: int) -> Sums:
+    def _sums(self, loads: Array, channels: Array, block: NDArray[np.intp], count: int) -> Sums:
         terms = (self._powers(loads) - self.mean) / self.spread
-        terms = np.concatenate([np.ones((len(terms), 1)), terms, slow], axis=1)
+        terms = np.concatenate([np.ones((len(terms), 1)), terms], axis=1)
         return block_sums(terms, channels, block, count)
 
 
@@ -211,7 +197,7 @@ class Averaged:
     ) -> None:
         """Average the channels once for all delays."""
         self._lagged, self._half, self._pieces, self._at = lagged, half, pieces, at
-        self._block, self._slow = block[np.concatenate(at)], lagged.slow[np.concatenate(at)]
+        self._block = block[np.concatenate(at)]
         self._blocks = int(block.max()) + 1
         self.channels = np.concatenate([self._channels(piece, own) for piece, own in zip(pieces, at, strict=True)])
 
@@ -231,7 +217,7 @@ class Averaged:
             _mean_around(lagged.time[piece], lagged.loads[piece], lagged.time[own] - delay, self._half)
             for piece, own in zip(self._pieces, self._at, strict=True)
         ]
-        return lagged._sums(np.concatenate(loads), self._slow, self.channels, self._block, self._blocks)
+        return lagged._sums(np.concatenate(loads), self.channels, self._block, self._blocks)
 
 
 def _interpolated(time: Array, values: Array, at: Array) -> Array:

@@ -49,7 +49,6 @@ class LinearCalibration:
         excitation: How well the data excite each load.
         ridge: Regularisation strength chosen by cross-validation; 0 for none.
         blocks: Number of blocks of the recording that were held out in turn.
-        drift: Largest range of a used channel's slow offset over the recording, in channel units; 0 if none was fitted.
         unit: Unit of the channels.
     """
 
@@ -66,7 +65,6 @@ class LinearCalibration:
     excitation: Excitation
     ridge: float
     blocks: int
-    drift: float
     unit: str = ""
 
     @property
@@ -191,10 +189,6 @@ def _delay(readout: LinearCalibration) -> list[str]:
         lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
     else:
         lines = [f"delay: {what} by {size}, 95% interval {low:.1f} to {high:.1f} ms"]
-    if readout.drift:
-        lines.append(
-            f"drift: offsets change by up to {readout.drift:.3g} {readout.unit or 'units'}, fitted with the gains"
-        )
     return [*lines, f"held out in turn: {readout.blocks} blocks; regularisation (ridge): {readout.ridge:g}"]
 
 
