@@ -64,7 +64,9 @@ def test_noise_of_the_load_cell_does_not_draw_the_delay_between_samples():
 def test_clocks_far_apart_are_told():
     recording, _ = rig(delay=0.9, seconds=30)
     with pytest.warns(UserWarning, match=r"end of the search, \+0\.5 s: it may be larger"):
-        paxisim.calibrate_readout(recording, NAMES)
+        readout = paxisim.calibrate_readout(recording, NAMES)
+    assert readout.delay_interval[1] == np.inf
+    assert "follow the loads by 500.0 ms or more, the end of the search" in str(readout)
     assert paxisim.calibrate_readout(recording, NAMES, max_delay=2).delay == pytest.approx(0.9, abs=1e-3)
 
 

@@ -8,17 +8,18 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
-from paxisim.calibrate.load_model import LoadModel, fit_load_model
+from paxisim.calibrate.load_model import Kind, LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MAX_LOADS, Excitation, Load
 from paxisim.document import DocumentFile, finite
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
 _FORCES = COMPONENTS[:3]
+_OPEN = (-math.inf, math.inf)  # ends of an interval that the file leaves empty
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +108,7 @@ def calibrate_sensor(
     loads: str | Sequence[str] | Mapping[str, str],
     *,
     degree: int = 1,
-    quadratic: bool = False,
+    kind: Kind = "best",
     max_delay: float = 0.5,
 ) -> Calibration:
     """Calibrate a sensor against a load cell: each channel separately, and all channels together.
@@ -116,7 +117,8 @@ def calibrate_sensor(
         recording: Recording with the channels as measured tensors and the loads as covariates.
         loads: Covariates that hold the load, see `calibrate_readout`.
         degree: Degree of the response of each channel to a load, 1 to 3.
-        quadratic: Whether the load is a quadratic function of the channels, see `fit_load_model`.
+        kind: How the load depends on all channels: ``"linear"``, ``"quadratic"``, or ``"best"`` for the one with the
+            lower held-out error, see `fit_load_model`.
         max_delay: Largest delay between loads and channels to search (s).
 
     Raises:
@@ -124,7 +126,7 @@ def calibrate_sensor(
         InvalidValueError: See `calibrate_readout` and `fit_load_model`.
     """
     readout = calibrate_readout(recording, loads, degree=degree, max_delay=max_delay)
-    model = fit_load_model(recording, readout, quadratic=quadratic)
+    model = fit_load_model(recording, readout, kind=kind)
     return Calibration(readout, model, str(recording.metadata.get("profile", "")))
 
 
@@ -151,7 +153,7 @@ def _readout(document: dict[str, Any]) -> LinearCalibration:
         gain_error=_numbers(document, "gain_error", (count, *shape), empty=math.inf),
         used=_numbers(document, "used", shape).astype(bool),
         delay=float(document["delay"]),
-        delay_interval=tuple(_numbers(document, "delay_interval", (2,)).tolist()),
+        delay_interval=tuple(_numbers(document, "delay_interval", (2,), empty=_OPEN).tolist()),
         error=_numbers(document, "error", shape),
         explained=_numbers(document, "explained", shape),
         excitation=_excitation(document["excitation"], count),
@@ -181,6 +183,8 @@ def _model(document: dict[str, Any]) -> LoadModel:
         loads=loads,
         used=used,
         quadratic=quadratic,
+        ridge=float(document["ridge"]),
+        delay=float(document["delay"]),
         center=_numbers(document, "center", (count,)),
         spread=_numbers(document, "spread", (count,)),
         weights=_numbers(document, "weights", (terms, len(loads))),
@@ -197,13 +201,13 @@ def _loads(document: Any) -> tuple[Load, ...]:
 
 
 def _numbers(
-    document: Mapping[str, Any], name: str, shape: tuple[int, ...] | None, empty: float = math.nan
+    document: Mapping[str, Any], name: str, shape: tuple[int, ...] | None, empty: ArrayLike = math.nan
 ) -> NDArray[np.float64]:
     """Return the numbers of a field, with `empty` where the file has none."""
     values = np.array(document[name], dtype=np.float64)
-    values = np.where(np.isnan(values), empty, values)
     if shape is not None and values.shape != shape:
         raise InvalidValueError(f"{name} must be numbers of shape {shape}, got shape {values.shape}")
+    values = np.where(np.isnan(values), empty, values)
     if np.isnan(values).any():
         raise InvalidValueError(f"{name} must be finite numbers")
     return values

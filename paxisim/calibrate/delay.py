@@ -16,6 +16,7 @@ MIN_EXPLAINED_SHARE = 0.1
 """Minimum share of a channel's variance that the loads must explain for the channel to be used."""
 INTERPOLATION_ERROR = 0.01
 """Error of a delay due to interpolation between samples, as a share of the sample interval."""
+_AT_END = 0.98  # share of the searched range beyond which a delay counts as at its end
 _COARSE = 40  # steps on either side of 0
 _FINE = 16  # steps between the neighbours of the best coarse step
 
@@ -26,20 +27,18 @@ class Delay:
 
     Attributes:
         value: Delay of the channels after the loads (s); negative if the loads come later.
-        interval: Ends of its 95 % interval (s).
+        interval: Ends of its 95 % interval (s). At the end of the search, the interval is open on that side.
         replicates: ``(blocks,)`` delays fitted without each block (s).
-        searched: Largest delay that was searched, of either sign (s).
     """
 
     value: float
     interval: tuple[float, float]
     replicates: Array
-    searched: float
 
     @property
     def at_limit(self) -> bool:
         """Whether the delay lies at the end of the search range, so that the true delay may lie beyond."""
-        return abs(self.value) > 0.98 * self.searched > 0
+        return bool(np.isinf(self.interval).any())
 
 
 def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
@@ -56,7 +55,7 @@ def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
     """
     most = min(most, lagged.usual / 4)
     blocks = int(block.max()) + 1
-    none = Delay(0.0, (0.0, 0.0), np.zeros(blocks), 0.0)
+    none = Delay(0.0, (0.0, 0.0), np.zeros(blocks))
     if most <= 0:
         return none
     streams = lagged.averaged(most, block)
@@ -75,7 +74,10 @@ def fit_delay(lagged: Lagged, block: NDArray[np.intp], most: float) -> Delay:
     unlikely = _unlikely(squares[first], used)
     value, *replicates = [_lowest(tried, curve) for curve in unlikely.T]
     half = float(np.hypot(half_width(np.array(replicates)), INTERPOLATION_ERROR * lagged.interval))
-    return Delay(value, (value - half, value + half), np.array(replicates), most)
+    # at the end of the search all replicates agree, which says nothing about delays beyond it
+    low = -np.inf if value < -_AT_END * most else value - half
+    high = np.inf if value > _AT_END * most else value + half
+    return Delay(value, (low, high), np.array(replicates))
 
 
 def half_width(replicates: Array) -> Array:

@@ -131,7 +131,7 @@ def _readout(
     is_late = not delay.interval[0] <= 0 <= delay.interval[1]
     value = delay.value if is_late else 0.0
     smooth, sums = lagged.averaged(float(np.abs(delay.replicates).max()), block), lagged.sums(value, block)
-    ridge = least_ridge(smooth.sums(value))
+    ridge = _least_ridge(smooth.sums(value))
     fitted = smooth.sums(value).total().solve(ridge)[0]
     squares, replicates = [], []
     for number, own in enumerate(delay.replicates):
@@ -169,12 +169,17 @@ def _readout(
     )
 
 
-def least_ridge(sums: Sums) -> float:
+def _least_ridge(sums: Sums) -> float:
     """Return the ridge with the lowest held-out error, or 0 if it gains no more than one standard error over none."""
     errors = np.stack([sums.squares(sums.without().solve(ridge)).mean(axis=1) for ridge in RIDGES])  # (ridges, blocks)
     best = int(np.argmin(errors.sum(axis=1)))
-    gained = errors[0] - errors[best]
-    return RIDGES[best] if gained.mean() > gained.std(ddof=1) / np.sqrt(len(gained)) else 0.0
+    return RIDGES[best] if is_lower(errors[best], errors[0]) else 0.0
+
+
+def is_lower(errors: Array, than: Array) -> bool:
+    """Return whether held-out errors ``(blocks,)`` are lower than others by more than one standard error."""
+    gained = than - errors
+    return bool(gained.mean() > gained.std(ddof=1) / np.sqrt(len(gained)))
 
 
 def _warn(readout: LinearCalibration, delay: Delay) -> None:

@@ -41,7 +41,8 @@ class LinearCalibration:
         gain_error: Half-widths of the 95 % intervals of `gain`; infinite for loads that the data do not excite.
         used: ``(pads, 3, rows, cols)`` whether the loads explain the channel; unused channels are set to zero.
         delay: Delay of all channels after the loads (s); 0 if `delay_interval` contains 0.
-        delay_interval: Ends of the 95 % interval of the delay (s).
+        delay_interval: Ends of the 95 % interval of the delay (s); infinite where the delay is at the end of the
+            search, because it may be larger.
         error: ``(pads, 3, rows, cols)`` root-mean-square error on held-out data, in channel units.
         explained: ``(pads, 3, rows, cols)`` share of the variance explained on held-out data; negative if the mean
             would do better.
@@ -180,11 +181,14 @@ class LinearCalibration:
 
 def _delay(readout: LinearCalibration) -> list[str]:
     low, high = (1e3 * end for end in readout.delay_interval)
-    if low <= 0 <= high:
+    what = "the channels follow the loads" if readout.delay > 0 else "the loads follow the channels"
+    size = f"{abs(1e3 * readout.delay):.1f} ms"
+    if np.isinf(readout.delay_interval).any():
+        lines = [f"delay: {what} by {size} or more, the end of the search"]
+    elif low <= 0 <= high:
         lines = [f"delay: none, 95% interval {low:.1f} to {high:.1f} ms"]
     else:
-        what = "the channels follow the loads" if readout.delay > 0 else "the loads follow the channels"
-        lines = [f"delay: {what} by {abs(1e3 * readout.delay):.1f} ms, 95% interval {low:.1f} to {high:.1f} ms"]
+        lines = [f"delay: {what} by {size}, 95% interval {low:.1f} to {high:.1f} ms"]
     return [*lines, f"held out in turn: {readout.blocks} blocks; regularisation (ridge): {readout.ridge:g}"]
 
 
@@ -201,11 +205,12 @@ def _loads(readout: LinearCalibration) -> list[str]:
 
 def _channels(readout: LinearCalibration) -> list[str]:
     unit = readout.unit or "units"
+    shifted = ", loads shifted by the delay" if readout.delay else ""
     count, few = int(readout.used.sum()), len(readout.loads) <= MAX_WITH_ERRORS
     width = 17 if few else 10
     lines = [
         f"gains in {unit} per N or N m" + (", ± half widths of 95% intervals" if few else ""),
-        f"error: root mean square on held-out data, in {unit}",
+        f"error: root mean square on held-out data, in {unit}{shifted}",
         f"{'channel':11}"
         + "".join(f"{load.name:>{width}}" for load in readout.loads)
         + f"{'error':>8} {'explained':>9}",

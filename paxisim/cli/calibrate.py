@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -19,14 +19,14 @@ def calibrate(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
     degree: int = 1,
-    quadratic: bool = False,
+    kind: Literal["best", "linear", "quadratic"] = "best",
     max_delay: float = 0.5,
     force: bool = False,
 ) -> None:
     """Calibrate a sensor that does not measure newtons against a load cell recorded with it.
 
     The command fits a gain per channel and load, with one delay for all channels, and the load as a function of all
-    channels. It prints both tables with held-out errors, and draws the fit (.png) and the residuals
+    channels at the same time. It prints both tables with held-out errors, and draws the fit (.png) and the residuals
     (.residuals.png) next to the output.
 
     An output file .json is a calibration, for the option --calibration of record and live. Any other output is the
@@ -43,7 +43,8 @@ def calibrate(
             A covariate with 3 or 6 values per sample holds the components in this order.
         output: Output file: a calibration (.json) or the calibrated recording (.mcap, .npz).
         degree: Degree of the polynomials in each load: 1 (straight lines), 2 or 3.
-        quadratic: Also use products of channels to fit the load. Keep it only if the held-out error falls.
+        kind: How the load depends on all channels: linear, quadratic (also on their products), or best: the one with
+            the lower held-out error.
         max_delay: Largest delay between loads and channels to search, in seconds, in either direction.
         force: Overwrite the outputs if they exist.
     """
@@ -66,7 +67,7 @@ def calibrate(
     progress(f"reading {recording}")
     raw = Recording.load(recording)
     progress("fitting gains, delay and load")
-    calibration = calibrate_sensor(raw, given, degree=degree, quadratic=quadratic, max_delay=max_delay)
+    calibration = calibrate_sensor(raw, given, degree=degree, kind=kind, max_delay=max_delay)
     progress("drawing")
     try:
         drawn = [png(plot_calibration(calibration.readout, raw)), png(plot_residuals(calibration, raw))]

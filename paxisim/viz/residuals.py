@@ -53,7 +53,7 @@ def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
         raise InvalidValueError("no sample of the recording has both a known load and known channels")
     part = recording[known]
     assert part.measured is not None
-    load = calibration.readout.earlier(part, values[known])
+    load = values[known]
     error = calibration.model(part.measured) - load
     taken = {one.covariate for one in loads}
     others = {
