@@ -98,9 +98,7 @@ def solve(task: Task) -> Outcome:
 
 def table(outcomes: Sequence[Outcome]) -> None:
     """Print a row for each robot and kind, and the rates."""
-    print(
-        "\n| robot | hidden | exact | named | named or rival | in doubt | normalised RMSE | replay / real time |"
-    )
+    print("\n| robot | hidden | exact | named | named or rival | in doubt | normalised RMSE | replay / real time |")
     print("|---|---|---|---|---|---|---|---|")
     for robot in ROBOTS:
         for kind in KINDS:
