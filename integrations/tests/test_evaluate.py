@@ -1,6 +1,7 @@
 """Evaluations: their results, the sensors and robots of a transfer, and what the shipped policies do."""
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import torch
 from paxisim_insertion import InsertionEnv
 from paxisim_insertion.evaluate import evaluate, succeeds, surrogate_of
+from paxisim_insertion.on_sensor import SensedPolicy, on_ports, on_sensor
 from paxisim_insertion.results import FIRST_SEED, Result, file_of, folder_of, versions
 from paxisim_insertion.run import Run
 from paxisim_insertion.transfer import draw_surrogate, own_surface, sensors
@@ -201,3 +203,26 @@ def test_the_grip_keeps_every_taxel_of_a_flat_handle_above_the_threshold_of_tb(t
         while not (terminated or truncated):
             assert observation["tactile"].all(), f"TB sees more than NT on {task}, seed {seed}"
             observation, _, terminated, truncated, _ = env.step(trained.act(observation))
+
+
+@pytest.mark.real_time
+def test_a_policy_acts_on_what_the_sensors_at_two_ports_read(capsys):
+    run = Run.open(POLICIES / "SX-2mm_GCS_0")
+    env = run.insertion_env(engine="native", sensor=paxisim.Chain())
+    trained = run.policy(env)
+    seen, _ = env.reset(seed=0)
+    with on_ports(env) as sensor:
+        policy = SensedPolicy(trained, env, sensor)
+        time.sleep(0.1)
+        action = policy.act({**seen, "tactile": np.full_like(seen["tactile"], np.nan), "raw": seen["raw"] + 50})
+        np.testing.assert_allclose(policy.force, env.raw, atol=0.21)  # counts of 0.1 N on each of four taxels
+        history = env.method.history(env.task, env.layout)
+        history.append(policy.force)  # and nothing else: the simulator's own readings were replaced
+        np.testing.assert_array_equal(action, trained.act({**seen, "tactile": history.read(), "raw": policy.force}))
+    env.close()
+    on_sensor(POLICIES / "SX-2mm_GCS_0", trials=1)
+    printed = capsys.readouterr().out
+    assert "SX-2mm GCS on 2 ports:" in printed
+    assert "steps took longer than 50 ms" in printed
+    with pytest.raises(paxisim.InvalidValueError, match="at least one trial"):
+        on_sensor(POLICIES / "SX-2mm_GCS_0", trials=0)
