@@ -110,10 +110,9 @@ def begin(
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)
-    doubtful, doubts = recorded_doubts(recording)
     recording, warnings = prepare(recording)
-    if doubtful > 0:
-        warnings = (_in_doubt(doubtful, doubts), *warnings)
+    doubtful, doubts = recorded_doubts(recording)
+    warnings = (doubts, *warnings) if doubts else warnings
     match = correspondence_of(recording, replayed=responses is not None)
     if match.why:
         return unrelated(recording, warnings, match)
@@ -129,16 +128,8 @@ def begin(
         raw = problem_with(recording, responses)
         off = read_off(raw, wanted)
     if doubtful > MOSTLY:
-        unsettled = (*unsettled, LeftOver(f"the replay is in doubt in {doubtful:.0%} of its samples", doubtful, MOSTLY))
+        unsettled = (*unsettled, LeftOver("most of the replay is in doubt", doubtful, MOSTLY))
     return Begun(recording, (*warnings, *note), unsettled, tuple(wanted), not_searched, raw, off)
-
-
-def _in_doubt(share: float, doubts: Sequence[str]) -> str:
-    """The warning that part of the replay was left out."""
-    listed = "; ".join(doubts[:3]) + ("; ..." if len(doubts) > 3 else "")
-    return f"the replay is in doubt in {share:.0%} of its samples, which are left out" + (
-        f": {listed}" if listed else ""
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from paxisim.logs.stream import Stream
 
@@ -21,6 +20,8 @@ _ON = " on "
 
 def transform_samples(message: Any) -> Iterator[tuple[str, int | None, NDArray[np.float64]]]:
     """Yield the transforms of a ``tf2_msgs/TFMessage``, each as a 4x4 matrix, under a name that `is_frame` knows."""
+    from scipy.spatial.transform import Rotation  # takes memory and time that other files need not pay for
+
     for one in message.transforms:
         child, parent = one.child_frame_id.strip("/"), one.header.frame_id.strip("/")
         place, turn, stamp = one.transform.translation, one.transform.rotation, one.header.stamp

@@ -86,14 +86,16 @@ def find_doubts(part: Recording, simulated: NDArray[np.float32]) -> list[Doubt]:
     return found
 
 
-def recorded_doubts(recording: Recording) -> tuple[float, tuple[str, ...]]:
-    """Return the share of a replay that was in doubt and was left out, from 0 to 1, and each span in words."""
+def recorded_doubts(recording: Recording) -> tuple[float, str]:
+    """Return the share of a replay that was in doubt and left out, from 0 to 1, and the doubts in words."""
     replay = recording.metadata.get("replay")
-    if not isinstance(replay, Mapping):
-        return 0.0, ()
-    share, doubts = replay.get("in_doubt", 0.0), replay.get("doubts", ())
-    texts = tuple(map(str, doubts)) if isinstance(doubts, Sequence) and not isinstance(doubts, str) else ()
-    return (float(share) if isinstance(share, (int, float)) else 0.0), texts
+    share, doubts = (replay.get("in_doubt"), replay.get("doubts")) if isinstance(replay, Mapping) else (None, None)
+    if not (isinstance(share, (int, float)) and 0 < share <= 1):  # the entry may be from another program or edited
+        return 0.0, ""
+    listed = [str(doubt) for doubt in doubts] if isinstance(doubts, Sequence) and not isinstance(doubts, str) else []
+    words = "; ".join(listed[:3]) + ("; ..." if len(listed) > 3 else "")
+    said = f"the replay is in doubt in {share:.0%} of its samples, which are left out"
+    return float(share), f"{said}: {words}" if words else said
 
 
 def held(time: NDArray[np.float64], measured: NDArray[np.float32]) -> tuple[float, float]:
