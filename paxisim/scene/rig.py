@@ -29,6 +29,8 @@ from paxisim.scene.scene import Scene
 ARMATURE = 1e6
 """Armature (kg, kg m2) of a prescribed joint; 20 N change its acceleration by 2e-5 m/s2 and a contact's depth by
 3 nm."""
+TOLERANCE = 1e-12
+"""Largest tolerance of the solver beside prescribed joints."""
 _SCALAR_JOINTS = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
@@ -266,4 +268,6 @@ def _heavy(spec: mujoco.MjSpec, plain: mujoco.MjModel, prescribed: tuple[Drive, 
     for name in ("body_invweight0", "dof_invweight0", "tendon_invweight0"):
         getattr(model, name)[:] = getattr(plain, name)
     model.stat.meaninertia = plain.stat.meaninertia
+    # MuJoCo 4.0 ends its iterations early beside such armatures, and an object held between two of them rattles
+    model.opt.tolerance = min(model.opt.tolerance, TOLERANCE)
     return model
