@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 import paxisim
@@ -82,7 +83,7 @@ def on_sensor(run: Path, *, trials: int = 5, engine: Literal["robosuite", "nativ
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
     this = Run.open(run)
     env = this.insertion_env(engine=engine, terminate_on_success=True)
-    with closing(env), on_ports(env) as sensor:
+    with closing(env), on_ports(env) as sensor, _one_thread():
         policy = SensedPolicy(this.policy(env), env, sensor)
         solved = late = 0
         for trial in range(trials):
@@ -93,6 +94,17 @@ def on_sensor(run: Path, *, trials: int = 5, engine: Literal["robosuite", "nativ
     for name, own in zip(("wait for a reading", "pool and encode", "network"), milliseconds.T, strict=True):
         print(f"{name:<20} median {np.median(own):5.1f} ms, 99 % within {np.quantile(own, 0.99):5.1f} ms")
     print(f"{late} of {len(milliseconds)} steps took longer than {1e3 * CONTROL_DT:.0f} ms")
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Run torch on one thread: so small a network only waits for the others, for 50 ms where two cores are busy."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 @contextmanager
