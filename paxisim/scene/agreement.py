@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
+from paxisim.scene.closing import pad_normal
 
 _CONTACT = 0.03  # contact threshold as a fraction of a stream's peak
 _LEAST = 0.05  # N; lower bound of the contact threshold
@@ -160,9 +161,7 @@ def compare_streams(recording: Recording) -> Agreement:
     if recording.measured is None or recording.simulated is None:
         lacks = "measured" if recording.measured is None else "simulated"
         raise InvalidValueError(f"comparing the streams needs both, but the recording has no {lacks} stream")
-    measured, simulated = (
-        tensor[:, :, 2].astype(np.float64).sum(axis=(-2, -1)) for tensor in (recording.measured, recording.simulated)
-    )
+    measured, simulated = pad_normal(recording.measured), pad_normal(recording.simulated)
     thresholds = [_threshold(measured), _threshold(simulated)]
     found = []
     for number in dict.fromkeys(recording.episode.tolist()):

@@ -117,6 +117,11 @@ def mean_normal(force: NDArray[np.float32]) -> float:
     return float(np.nanmean(total_normal(force))) if len(force) else 0.0
 
 
+def pad_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the total normal force of each pad ``(T, pads)`` (N)."""
+    return force[:, :, 2].astype(np.float64).sum(axis=(2, 3))
+
+
 def total_normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the total normal force ``(T,)`` (N), summed over all taxels."""
     return force[:, :, 2].astype(np.float64).sum(axis=(1, 2, 3))

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
-from paxisim.presses import PEAK_THRESHOLDS, find_presses, runs
+from paxisim.presses import PEAK_THRESHOLDS, Presses, find_presses, runs
 from paxisim.recording import Recording
+from paxisim.scene.closing import pad_normal, total_normal
 
 _LASTS = 0.2  # s; longer than a sensor's latency and than the contact itself takes to begin
 _LARGE, _NOTHING = 0.3, 0.05  # shares of a stream's peak in the grasp
@@ -51,11 +52,8 @@ def find_grasps(time: NDArray[np.float64], measured: NDArray[np.float32]) -> tup
     Returns:
         Spans that cover all samples, each with one grasp and half of the rest before and after it.
     """
-    total = normal(measured).sum(axis=1)
-    try:
-        cuts = find_presses(time, total).cuts
-    except InvalidValueError:  # too few samples to find anything
-        cuts = ()
+    presses = _presses(time, total_normal(measured))
+    cuts = () if presses is None else presses.cuts
     return tuple(slice(a, b) for a, b in pairwise((0, *cuts, len(time))))
 
 
@@ -69,7 +67,7 @@ def find_doubts(part: Recording, simulated: NDArray[np.float32]) -> list[Doubt]:
     if part.measured is None or part.unit != "N":
         return []
     time, measured, pads = part.time, part.measured, part.pads
-    ours, theirs = normal(np.nan_to_num(measured)), normal(np.nan_to_num(simulated))
+    ours, theirs = pad_normal(np.nan_to_num(measured)), pad_normal(np.nan_to_num(simulated))
     ours = ours - [_rest(time, stream) for stream in ours.T]
     found = []
     for span in find_grasps(time, measured):
@@ -100,25 +98,24 @@ def recorded_doubts(recording: Recording) -> tuple[float, str]:
 
 def held(time: NDArray[np.float64], measured: NDArray[np.float32]) -> tuple[float, float]:
     """Return the times (s) of the first and last measured contact of a grasp."""
-    try:
-        spans = find_presses(time, normal(measured).sum(axis=1)).spans
-    except InvalidValueError:
-        spans = ()
+    presses = _presses(time, total_normal(measured))
+    spans = () if presses is None else presses.spans
     first, last = (spans[0].start, spans[-1].stop - 1) if spans else (0, -1)
     return float(time[first]), float(time[last])
 
 
 def _rest(time: NDArray[np.float64], total: NDArray[np.float64]) -> float:
     """Return the level of a pad at rest (N), which a sensor's offset moves from 0."""
+    presses = _presses(time, total)
+    return 0.0 if presses is None else presses.rest
+
+
+def _presses(time: NDArray[np.float64], total: NDArray[np.float64]) -> Presses | None:
+    """Return the presses in a force ``(T,)``; None if there are too few samples to find any."""
     try:
-        return find_presses(time, total).rest
+        return find_presses(time, total)
     except InvalidValueError:
-        return 0.0
-
-
-def normal(force: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the total normal force of each pad ``(T, pads)`` (N)."""
-    return force[:, :, 2].astype(np.float64).sum(axis=(2, 3))
+        return None
 
 
 class _Stream:

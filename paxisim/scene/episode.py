@@ -134,11 +134,7 @@ class EpisodeRunner:
 
     def _pad_pose(self, motion: Motion, time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return position and quaternion of the first pad at a time, with all that no stream moves at its start."""
-        data, model = self._data, self._model
-        self._place_objects(motion)
-        _Inputs(self._rig, data, motion, np.array([time])).place(data)
-        mujoco.mj_kinematics(model, data)
-        pad = self._rig.pads.bodies[0]
+        data, pad = self._placed(motion, time), self._rig.pads.bodies[0]
         return data.xpos[pad].copy(), data.xquat[pad].copy()
 
     @property
@@ -151,10 +147,7 @@ class EpisodeRunner:
 
         Everything that no stream moves is at its start pose. Infinite if nothing is within 0.1 m.
         """
-        data, model = self._data, self._model
-        self._place_objects(motion)
-        _Inputs(self._rig, data, motion, np.array([time])).place(data)
-        mujoco.mj_kinematics(model, data)
+        data, model = self._placed(motion, time), self._model
         taxels = self._rig.pads.geoms.ravel()
         others = np.setdiff1d(np.arange(model.ngeom), taxels)
         nearest = _FAR
@@ -166,6 +159,13 @@ class EpisodeRunner:
             for other in others[(bits != 0) & weld]:
                 nearest = min(nearest, mujoco.mj_geomDistance(model, data, int(taxel), int(other), nearest, None))
         return float(nearest) if nearest < _FAR else float("inf")
+
+    def _placed(self, motion: Motion, time: float) -> mujoco.MjData:
+        """Return the state with the streams at a time and all else at its start, with its kinematics computed."""
+        self._place_objects(motion)
+        _Inputs(self._rig, self._data, motion, np.array([time])).place(self._data)
+        mujoco.mj_kinematics(self._model, self._data)
+        return self._data
 
     def _place_objects(self, motion: Motion) -> None:
         """Reset the simulation to the start of an episode, except for what the streams move."""
