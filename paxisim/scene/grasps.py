@@ -81,8 +81,11 @@ def by_grasp(
         force[new] = fitted.force[k > 0 :]
         found.append(fitted.closing)
         notes += fitted.notes
-        lost = any(span.start <= doubt.samples.start < span.stop for doubt in find_doubts(part, force))
-        state = grasp.end(fitted.closing, lost)
+        state = grasp.end(fitted.closing)
+        if len(follower.rig.free) == 1:  # of several objects, nobody knows which the hand held
+            doubts = find_doubts(part, force)
+            if any(span.start <= doubt.samples.start < span.stop for doubt in doubts):
+                state = grasp.carried(fitted.closing)
     if len(failed) == len(grasps):
         raise failed[0]
     return Grasped(force, tuple(found), tuple(notes))
@@ -119,13 +122,14 @@ class _Grasp:
         step, number = self._follower.closing_step(), int(self._part.episode[0])
         return fit(self.simulated, self._part.measured, self._part.time, step, number)
 
-    def end(self, closing: float, lost: bool) -> NDArray[np.float64]:
-        """Return the state at the end with a closing; if the hand lost the object, this lies where it was carried."""
-        end = self._ends[closing]
-        free = self._follower.rig.free
-        if not lost or len(free) != 1:  # of several objects, nobody knows which the hand held
-            return end
+    def end(self, closing: float) -> NDArray[np.float64]:
+        """Return the state at the end with a closing."""
+        return self._ends[closing]
+
+    def carried(self, closing: float) -> NDArray[np.float64]:
+        """Return the same with the one free object where the real hand carried it."""
         assert self._part.measured is not None
+        runner, (address,) = self._follower.runner, self._follower.rig.free
         motion = self._follower.motion(self._episode, self._moved(closing), self._part.time)
         times = held(self._part.time, self._part.measured)
-        return self._follower.runner.carried(free[0], motion, self._start, end, times)
+        return runner.carried(address, motion, self._start, self.end(closing), times)
