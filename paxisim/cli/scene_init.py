@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -62,7 +62,7 @@ def scene_init(
         check_output(picture, force, ".png")
     progress(f"reading {recording}")
     loaded = Recording.load(recording, streams=streams)
-    guessed = guess_scene(model, loaded, _raw_covariates(recording, streams), opening, quaternion or "")
+    guessed = guess_scene(model, loaded, opening, quaternion or "")
     contact = None if picture is None else _first_contact(guessed.scene, loaded)
     relative = Path(os.path.relpath(model.absolute(), path.absolute().parent)).as_posix()
     comments = [f"# {line}" for line in ("Which recorded stream moves what. To check:", *guessed.open)]
@@ -78,31 +78,6 @@ def scene_init(
     if contact is not None:
         print(f"{picture}: {contact[1]}")
     print(f"{path}: {len(guessed.scene.drives)} drives")
-
-
-def _raw_covariates(recording: Path, streams: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the covariates that have a clock of their own, as they were recorded."""
-    import warnings
-
-    import numpy as np
-
-    from paxisim.logs import schemas
-    from paxisim.logs.formats import format_of
-    from paxisim.logs.mcap_reader import read_log
-
-    raw = {}
-    if recording.suffix.lower() == ".mcap":
-        for name, stream in read_log(recording).streams.items():
-            if name.startswith(schemas.COVARIATE):
-                raw[name.removeprefix(schemas.COVARIATE)] = stream.values
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # they were shown when the recording was loaded
-        for path in streams:
-            read = format_of(path, streams=True).streams
-            assert read is not None
-            for name, parts in read(path).items():
-                raw[name] = np.concatenate([part.values for part in parts.values()])
-    return raw
 
 
 def _first_contact(scene: Scene, recording: Recording) -> tuple[bytes, str]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
+from paxisim.logs.encoder_steps import with_steps
 from paxisim.logs.mcap_save import log_times
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import resample
@@ -107,7 +108,9 @@ def add_streams(
             if number in parts:
                 values[span] = resample(parts[number], at[span], methods[name], max_gap)
         covariates[name] = values
-    return RecordingArrays(**{**vars(recording), "covariates": covariates})
+    readings = {name: np.concatenate([part.values for part in parts.values()]) for name, parts in streams.items()}
+    metadata = with_steps(recording.metadata, readings)
+    return RecordingArrays(**{**vars(recording), "covariates": covariates, "metadata": metadata})
 
 
 def _times(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.encoder_steps import with_steps
 from paxisim.logs.recording_arrays import Method, RecordingArrays
 from paxisim.logs.stream import Log, Stream
 
@@ -52,11 +53,13 @@ def resample_log(
     marks = streams.pop("episode", None)
     methods = methods_by_name(method, [name for name in streams if name != reference])
     arrays: dict[str, NDArray[Any]] = {reference: streams.pop(reference).values}
-    unknown, bursts = [], []
+    unknown, bursts, readings = [], [], {}
     for name, stream in streams.items():
         arrays[name] = resample(stream, at, methods[name], max_gap)
         if arrays[name] is stream.values:
             continue
+        if name.startswith(schemas.COVARIATE):
+            readings[name.removeprefix(schemas.COVARIATE)] = stream.values
         if np.isnan(arrays[name]).all() and not np.isnan(stream.values).all():
             unknown.append(_nothing_known(name, stream, reference, at, max_gap))
         if said := describe_bursts(name, stream):
@@ -66,7 +69,7 @@ def resample_log(
             said if len(said) <= _MOST_WARNINGS else (f"{said[0]}; the same holds for {len(said) - 1} more streams",)
         ):
             warnings.warn(text, stacklevel=2)
-    metadata = dict(log.metadata)
+    metadata = with_steps(log.metadata, readings)
     layout, pads = metadata.pop("layout", None), metadata.pop("pads", ())
     zeros, clocks = metadata.pop("time_zero_ns", None), metadata.pop("episode_clocks", None)
     if clocks:

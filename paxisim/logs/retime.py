@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
 from paxisim.logs.checks import check_rate, numbers
+from paxisim.logs.encoder_steps import with_steps
 from paxisim.logs.recording_arrays import Method, RecordingArrays, episode_spans
 from paxisim.logs.resample import check_max_gap, methods_by_name, resample
 from paxisim.logs.stream import Stream
@@ -49,6 +50,7 @@ def at_rate(
         simulated=arrays.pop("simulated", None),
         covariates={name.removeprefix(schemas.COVARIATE): values for name, values in arrays.items()},
         episode=np.concatenate(episode),
+        metadata=with_steps(recording.metadata, recording.covariates),
     )
 
 

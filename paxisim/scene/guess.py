@@ -17,11 +17,10 @@ from paxisim.models.pads import Pads, find_pads
 from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
-from paxisim.scene.motion import resolution
 from paxisim.scene.named import Streams, by_name, is_near, is_object, is_scalar, several
 from paxisim.scene.opening import opening_drives, openings
 from paxisim.scene.scene import Scene
-from paxisim.scene.streams import known_samples, limits_of
+from paxisim.scene.streams import encoder_step, known_samples, limits_of
 from paxisim.scene.tactile_hand import TactileHand, closing_stream, hands_of
 
 _FARTHEST = 10.0  # m; a body further away is in mm
@@ -43,15 +42,12 @@ class GuessedScene:
     open: tuple[str, ...]
 
 
-def guess_scene(
-    mjcf: Path, recording: Recording, raw: Streams | None = None, opening: str = "", quaternion: str = ""
-) -> GuessedScene:
+def guess_scene(mjcf: Path, recording: Recording, opening: str = "", quaternion: str = "") -> GuessedScene:
     """Guess which streams of a recording move which parts of a model.
 
     Args:
         mjcf: Path of the model's MJCF file, with pads.
         recording: The recording.
-        raw: Covariates as recorded, before they were resampled to one clock; these show encoder steps.
         opening: Name of the stream that is the opening of a gripper. Default: guessed.
         quaternion: Order of the quaternions of poses ``(T, 7)``, one of `paxisim.scene.poses.ORDERS`.
 
@@ -95,7 +91,7 @@ def guess_scene(
             "the robot's log (--streams), or write the scene by hand"
         )
     drives, more = _in_one_unit(model, drives, streams)
-    drives = [_stepped(drive, (raw or {}).get(drive.stream, streams[drive.stream])) for drive in drives]
+    drives = [_stepped(drive, recording) for drive in drives]
     start, placed = _objects(model, pads, {drive.body for drive in drives})
     carried = _moving_pads(model, pads)
     closing = closing_stream(model, hands, drives, carried)
@@ -173,9 +169,9 @@ def _in_one_unit(model: mujoco.MjModel, drives: Sequence[Drive], streams: Stream
     return changed, [f"{several('stream', names)} could be in rad too, but {degrees!r} is in deg"] if too else []
 
 
-def _stepped(drive: Drive, values: NDArray[np.float64]) -> Drive:
+def _stepped(drive: Drive, recording: Recording) -> Drive:
     """Return the drive with the step size of its encoder, estimated from the values as recorded."""
-    step = 0.0 if drive.body else resolution(values)
+    step = encoder_step(recording, drive)
     return replace(drive, resolution=float(f"{step:.6g}")) if step else drive
 
 

@@ -70,25 +70,6 @@ class PoseCurve:
         return np.hstack([place, quat]), np.hstack([speed, spin[0]]), np.hstack([push, spin[1]])
 
 
-def resolution(values: NDArray[np.float64]) -> float:
-    """Estimate the step size of an encoder from its readings; 0 if they show no steps.
-
-    Readings show a step if all differences between them are multiples of the smallest one, and values repeat.
-    """
-    known = np.unique(values[np.isfinite(values)])
-    if not 2 <= len(known) <= 0.5 * np.isfinite(values).sum():
-        return 0.0
-    gaps = np.diff(known)
-    largest = float(np.abs(known).max())
-    gaps = gaps[gaps > 1e-6 * largest]  # drops rounding errors of values that were once float32
-    if not len(gaps):
-        return 0.0
-    step = float(gaps.min())
-    counts = np.round(gaps / step)
-    step = float(gaps.sum() / counts.sum())
-    return step if np.all(np.abs(gaps / step - counts) < 0.02 * np.maximum(counts, 1)) else 0.0
-
-
 def smooth_within(time: NDArray[np.float64], values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Smooth readings as far as possible while staying within half a `step` of them.
 

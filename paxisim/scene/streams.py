@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.logs.encoder_steps import noted_step, resolution
 from paxisim.recording import Recording
 from paxisim.scene import units
 from paxisim.scene.drive import Drive, ObjectStart
-from paxisim.scene.motion import resolution
 from paxisim.scene.poses import as_poses, is_pose
 from paxisim.scene.rig import Rig
 
@@ -55,12 +55,15 @@ def raw_values(recording: Recording, drive: Drive) -> NDArray[np.float64]:
 def encoder_step(recording: Recording, drive: Drive) -> float:
     """Return the resolution of the drive's stream in the stream's unit; 0 for a pose.
 
-    Unless the drive states it, it is estimated from all episodes of the recording.
+    Unless the drive states it, it is what the recording noted before it interpolated the stream, or is estimated from
+    all episodes of the recording.
     """
     if drive.body:
         return 0.0
     values = raw_values(recording, drive)
-    return resolution(values) if drive.resolution is None else drive.resolution
+    if drive.resolution is not None:
+        return drive.resolution
+    return noted_step(recording.metadata, drive.stream, drive.column) or resolution(values)
 
 
 def known_samples(values: NDArray[np.float64]) -> NDArray[np.bool_]:

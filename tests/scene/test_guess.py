@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 import paxisim
 from paxisim import Drive, Recording, Scene
 from paxisim.cli import main
+from paxisim.scene.guess import guess_scene
 
 HANDS = Path(__file__).parents[2].parent / "shared" / "data" / "hands"
 LAYOUT = paxisim.TaxelLayout(3, 3, 4e-3)
@@ -329,3 +330,16 @@ def test_the_pads_of_public_grippers_are_apart_as_recorded(tmp_path, hand, joint
         mujoco.mj_kinematics(data.model, data)
         apart = np.linalg.norm(np.diff(data.xpos[replay.rig.pads.bodies], axis=0))
         assert apart == pytest.approx(1e-3 * width[sample], abs=error)
+
+
+def test_the_steps_of_an_encoder_are_known_after_its_stream_was_interpolated_to_another_clock(capsys):
+    model, streams = write(arm_with(two_fingers())), squeezes()
+    streams["j1"] = np.round(0.01 * WAVE, 3)
+    write_log({name: values[:-1] for name, values in streams.items()}, TIME[:-1] + 0.37 * (TIME[1] - TIME[0]))
+    measured(model, SLIDING, streams, ())
+    assert main(["convert", "press.mcap", "with.mcap", "--streams", "robot.csv"]) == 0
+    assert main(["convert", "with.mcap", "again.npz"]) == 0
+    Recording.load("again.npz").resample(77).save("slow.mcap")
+    for name in ("with.mcap", "again.npz", "slow.mcap"):
+        found = guess_scene(model, Recording.load(name))
+        assert {drive.joint: drive.resolution for drive in found.scene.drives}["x_j1"] == pytest.approx(1e-3, rel=1e-5)

@@ -5,7 +5,8 @@ import pytest
 from scene.rigs import ENCODER, path, steps_of
 from scipy.spatial.transform import Rotation
 
-from paxisim.scene.motion import Curve, PoseCurve, resolution, smooth_within
+from paxisim.logs.encoder_steps import resolution
+from paxisim.scene.motion import Curve, PoseCurve, smooth_within
 
 TIME = np.arange(800) / 100
 TRUE = path(TIME, [0, 1, 2, 3, 4, 4.2, 4.4, 8], [0, 0, 4e-3, 4e-3, 1e-3, 1e-3, 2e-3, 2e-3])
