@@ -79,6 +79,7 @@ from .reference.skin import MagneticSkin as MagneticSkin
 from .reference.skin_design import SkinDesign as SkinDesign
 from .scene.agreement import Agreement as Agreement
 from .scene.agreement import compare_streams as compare_streams
+from .scene.clocks import align_clocks as align_clocks
 from .scene.drive import Drive as Drive
 from .scene.drive import ObjectStart as ObjectStart
 from .scene.parameters import SceneParameter as SceneParameter

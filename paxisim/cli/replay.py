@@ -23,6 +23,7 @@ def replay(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     mode: Literal["auto", "kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
+    align_clocks: bool = False,
     jobs: int = 1,
     force: bool = False,
 ) -> None:
@@ -52,6 +53,8 @@ def replay(
             servo: the actuators of the model follow the recorded positions or commands.
             force: the actuators exert the recorded forces.
         mean: Simulate the mean force since the previous sample, as a sensor that averages measures it.
+        align_clocks: First move the driving streams of each episode to the clock of the sensor, if a robot and a sensor
+            with clocks of their own were recorded. The latency of the sensor then cannot be determined any more.
         jobs: Number of episodes to simulate in parallel.
         force: Overwrite the output if it exists.
     """
@@ -60,6 +63,7 @@ def replay(
     from paxisim.protocols.protocol import Protocol
     from paxisim.recording import Recording
     from paxisim.scene.agreement import compare_streams
+    from paxisim.scene.clocks import align_clocks as align
     from paxisim.scene.resume import simulate_resumable
     from paxisim.scene.scene import Scene
 
@@ -74,6 +78,9 @@ def replay(
     if protocol is not None and streams:
         raise InvalidValueError("--streams adds to a recording, but the motion of a protocol is complete: leave it out")
     loaded = Recording.load(recording, streams=streams) if protocol is None else protocol.unrecorded(loaded_scene)
+    lags = None
+    if align_clocks:
+        loaded, lags = align(loaded_scene, loaded, progress)
     kept = output.with_name(f".{output.name}.episodes")
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
@@ -86,6 +93,10 @@ def replay(
     shutil.rmtree(kept)
     print(textwrap.fill(f"{output}: {paired!r}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
     _print_how(paired)
+    if lags is not None:
+        moved = ", ".join(f"{lag.episode}: {1e3 * lag.seconds:+.0f}" for lag in lags.lags)
+        said = f"Streams delayed to the clock of the sensor, by episode (ms): {moved}"
+        print(textwrap.fill(said, TERMINAL_COLUMNS, subsequent_indent="  "))
     if paired.measured is not None and paired.unit != "N":
         print(
             f"measured is in {paired.unit}, so it is not compared with the simulated newtons: convert it with "

@@ -108,7 +108,7 @@ def _told(
     untestable = {**done.not_searched, **_not_excited(found, done.wanted)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in named}}
     shift = float(done.recording.metadata.get("clocks_aligned_by", 0.0))
-    warnings = (*done.warnings, *caveats(found, it.dropped, done.recording.pads))
+    warnings = (*done.warnings, *caveats(found, it.dropped, done.recording.pads, "replay" in done.recording.metadata))
     return Diagnosis(
         verdict=_verdict(named, bool(doubts or at_bounds(found)), len(raw.episodes) == 1, bool(shift)),
         clock_shift=shift,

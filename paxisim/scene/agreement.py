@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
+from paxisim.scene.clocks import Lags, find_lags
 from paxisim.scene.closing import pad_normal
 
 _CONTACT = 0.03  # contact threshold as a fraction of a stream's peak
@@ -92,9 +93,11 @@ class Agreement:
 
     Attributes:
         pads: The comparison of each pad in each episode.
+        lags: By how much measured contacts come after simulated ones.
     """
 
     pads: tuple[PadAgreement, ...]
+    lags: Lags
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -102,7 +105,8 @@ class Agreement:
         touched = any(max(one.measured_peak, one.simulated_peak) > 0 for one in self.pads)
         if not touched and not any(np.isnan(one.measured_peak) for one in self.pads):
             return ("there is no contact anywhere, neither measured nor simulated",)
-        return tuple(one.problem for one in self.pads if one.problem)
+        clocks = [str(self.lags)] if self.lags.of_clocks else []
+        return (*clocks, *(one.problem for one in self.pads if one.problem))
 
     @property
     def peak_ratio(self) -> float:
@@ -137,12 +141,14 @@ class Agreement:
                 f"peak {self.peak_ratio:.3f}"
             )
             lines.append(f"Measured contact begins {self.begins_late:+.3f} s and ends {self.ends_late:+.3f} s later")
+        if str(self.lags) and not self.lags.of_clocks:
+            lines.append(str(self.lags))
         problems = self.problems
         if not problems:
             return "\n".join([*lines, "The replay met what was measured."])
-        lines.append(
-            f"Replay is in doubt in {len(problems)} of {len(self.pads)} cases; correct the scene before a diagnosis:"
-        )
+        of_pads = sum(bool(one.problem) for one in self.pads)
+        doubtful = f" in {of_pads} of {len(self.pads)} cases" if of_pads else ""
+        lines.append(f"Replay is in doubt{doubtful}; correct the scene before a diagnosis:")
         lines += [f"  {problem}" for problem in problems[:8]]
         if len(problems) > 8:
             lines.append(f"  and {len(problems) - 8} more")
@@ -169,7 +175,7 @@ def compare_streams(recording: Recording) -> Agreement:
         for pad, name in enumerate(recording.pads):
             streams = measured[mine, pad], simulated[mine, pad]
             found.append(_compare(number, name, recording.time[mine], streams, thresholds))
-    return Agreement(tuple(found))
+    return Agreement(tuple(found), find_lags(recording))
 
 
 def _threshold(total: NDArray[np.float64]) -> float:

@@ -111,6 +111,18 @@ class Replay:
             force = by_grasp(self._follower, moving, [0.0] * len(grasps)).force
         return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(moving, force))
 
+    def forces(self) -> NDArray[np.float32]:
+        """Return the forces ``(T, pads, 3, rows, cols)`` (N) of the streams as they are, NaN where these are unknown.
+
+        Raises:
+            UnsupportedError: The simulation becomes unstable.
+        """
+        parts = []
+        for part in self._recording.episodes():
+            known = self._follower.known(part)
+            parts.append(_within(part, known, self._follower.forces(part[known])))
+        return np.concatenate(parts)
+
     def pose(self, sample: int) -> NDArray[np.float64]:
         """Return the positions ``(nq,)`` of `rig.model` at a sample, from a simulation of the second before it.
 

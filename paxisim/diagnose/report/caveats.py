@@ -14,18 +14,26 @@ from paxisim.diagnose.report.text import percentage
 
 AXES = "xyz"
 MAX_LISTED = 8  # channels listed
+CLOCKS_OR_LATENCY = (
+    "latency: an offset between the clocks of robot and sensor has the same effect, and this recording cannot tell the "
+    "two apart"
+)
 
 
-def caveats(found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str, ...]) -> tuple[str, ...]:
+def caveats(
+    found: Explanation, dropped: Mapping[str, Interval], pads: tuple[str, ...], replayed: bool
+) -> tuple[str, ...]:
     """Return the warnings, one line each.
 
     Args:
         found: Explanation of the recording.
         dropped: Causes that were fitted but not named, see `Explained`.
         pads: Names of the pads.
+        replayed: Whether the simulation followed the streams of a robot.
     """
     silent = found.off.raw.alive & ~found.off.judged.alive
-    return (*silent_in_words(silent, pads), *at_bounds(found).values(), *_dropped(dropped))
+    clocks = [CLOCKS_OR_LATENCY] if replayed and any(named.name == "latency" for named in found.named) else []
+    return (*silent_in_words(silent, pads), *at_bounds(found).values(), *_dropped(dropped), *clocks)
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
