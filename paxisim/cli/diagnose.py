@@ -20,7 +20,7 @@ def diagnose(
     *,
     scene: Path | None = None,
     sensor: Path | None = None,
-    causes: str = "",
+    causes: Annotated[str, tyro.conf.arg(aliases=["--only"])] = "",
     seed: int = 0,
     jobs: int = 1,
     ray: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[ADDRESS]")] = None,
@@ -56,7 +56,8 @@ def diagnose(
         scene: Scene file, .toml, as for `paxisim replay`.
         sensor: Model of the sensor known beforehand, .json: the model.json of a diagnosis of the same unit, or a chain
             of your own. What its gel and magnets do is taken as known.
-        causes: Causes to search for, separated by commas; default: all but those of a known sensor.
+        causes: Causes to search for, separated by commas; default: all but those of a known sensor. With --scene, fewer
+            causes need fewer replays.
             Sensor causes: axis_gain, taxel_gain, offset, drift,
             stiffening, gel_operator, axis_coupling, rotation,
             layout, creep, hysteresis, low_pass,
@@ -65,7 +66,7 @@ def diagnose(
             channel_curve.
             Scene causes: friction, gel_stiffness, grip_force,
             mount_offset, mount_tilt, surface, object_size,
-            object_pose, joint_offset.
+            object_pose, joint_offset, base_pose, hand_pose.
         seed: Random seed.
         jobs: Number of parallel processes, over all recordings.
         ray: Diagnose several recordings on a running Ray cluster: HOST:PORT of its head; without an address, the

@@ -11,8 +11,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from paxisim.errors import UnsupportedError
+from paxisim.models.links import bodies_above
 from paxisim.models.mjcf import format_mjcf
 from paxisim.models.pads import Pads, find_pads, half_thickness
+from paxisim.scene.arms import displace
 from paxisim.scene.drive import Drive
 from paxisim.scene.parameters import SceneParameter, height_map
 from paxisim.scene.rig import spec_of
@@ -78,6 +80,11 @@ def _model(scene: Scene, values: Values) -> str:
     for body in {item.target for item in values if item.group == "object_pose"}:
         own = of_target(values, "object_pose", body)
         _place(spec, model, body, [own.get(k, 0.0) for k in range(6)])
+    for group in ("base_pose", "hand_pose"):
+        for body in {item.target for item in values if item.group == group}:
+            own, carried = of_target(values, group, body), model.body(body).id
+            of_body = [int(pad) for pad in pads.bodies if carried in bodies_above(model, int(pad))]
+            displace(spec, model, body, [own.get(k, 0.0) for k in range(6)], of_body)
     for value in (v for item, v in values.items() if item.group == "impratio"):
         spec.option.impratio = value
     for value in (v for item, v in values.items() if item.group == "grip_force"):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
 from paxisim.models.pads import Pads
+from paxisim.scene.arms import arms_of
 from paxisim.scene.units import LENGTH
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ Group = Literal[
     "object_size",
     "object_pose",
     "joint_offset",
+    "base_pose",
+    "hand_pose",
     "impratio",
 ]
 BUMPS = ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
@@ -38,6 +41,7 @@ saddles, then bumps of a third of the pad. A height common to all taxels is part
 of the mount's tilt."""
 _NEAR = 1e-4  # m, smallest displacement of an object's surface along its approach that matters
 _TURN = radians(10)
+_MOUNTED = radians(2)  # of a base or a hand, which are screwed on
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ def _listed(scene: Scene, rig: Rig) -> list[SceneParameter]:
         out.append(_ratio("grip_force", words, (0.2, 5.0), (0.15, 0.06)))
     words = "MuJoCo's impratio: how slowly contacts creep under shear"
     impratio = _ratio("impratio", words, (0.2, 5.0), (0.2, 0.2), float(rig.model.opt.impratio))
-    return [*out, *_of_pads(rig.pads), *_of_objects(rig), *_of_joints(scene, rig), impratio]
+    return [*out, *_of_pads(rig.pads), *_of_objects(rig), *_of_joints(scene, rig), *_of_arms(rig), impratio]
 
 
 def _ratio(
@@ -218,6 +222,27 @@ def _of_joints(scene: Scene, rig: Rig) -> list[SceneParameter]:
         else:
             out[drive.source] = _angle("joint_offset", name, place, words)
     return list(out.values())
+
+
+def _of_arms(rig: Rig) -> list[SceneParameter]:
+    """Return the poses of the bases and of the hands, which are rotated about the middle of the pads."""
+    arms, out = arms_of(rig.model, rig.pads), []
+    for arm in arms:
+        placed: tuple[tuple[Group, str, str], ...] = (
+            ("base_pose", arm.base, f"of the robot's base {arm.base} in the world"),
+            ("hand_pose", arm.hand, f"of the hand {arm.hand} on the arm"),
+        )
+        for group, body, words in placed:
+            short, after = group.removesuffix("_pose"), "" if len(arms) == 1 else f"_{body}"
+            for index, axis in enumerate("xyz"):
+                said = f"offset {words}, along {axis}"
+                out.append(_length(group, f"{group}_{axis}{after}", 5e-3, (4e-4, 3e-4), (body, index), said))
+            for index, axis in enumerate("xyz"):
+                turn = _angle(
+                    group, f"{short}_turn_{axis}{after}", (body, 3 + index), f"rotation {words}, about {axis}"
+                )
+                out.append(replace(turn, low=-_MOUNTED, high=_MOUNTED, step=0.1 * _MOUNTED, material=0.07 * _MOUNTED))
+    return out
 
 
 def height_map(layout: TaxelLayout, heights: Mapping[int, float]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from paxisim.errors import InvalidValueError, UnknownNameError
 
 SCENE = {
     "friction", "gel_stiffness", "grip_force", "mount_offset", "mount_tilt", "surface", "object_size", "object_pose",
-    "joint_offset",
+    "joint_offset", "base_pose", "hand_pose",
 }  # fmt: skip
 VOCABULARY = {
     "axis_gain", "taxel_gain", "offset", "drift", "stiffening", "gel_operator", "axis_coupling", "rotation",

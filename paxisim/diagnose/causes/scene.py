@@ -6,7 +6,9 @@ Each cause is one or more numbers of `paxisim.Scene.parameters`. Their effects a
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from math import radians
 
 import numpy as np
 
@@ -22,6 +24,8 @@ SCENE_ORDER = -10.0
 MISFIT = 0.1
 """Share of a scene cause's effect that its form may leave unexplained: real objects and gels differ from those of the
 scene, and the effect is interpolated linearly between replays."""
+MOUNTING: Mapping[str, float] = {"m": 1e-3, "rad": radians(0.3)}
+"""Standard deviation of the pose of a base or a hand that was measured with care."""
 _UNSEEN = "no replay shows its effect (see the warnings)"
 _MISSING = {
     "grip_force": "in this mode the scene follows positions, whatever force that takes",
@@ -29,6 +33,8 @@ _MISSING = {
     "object_pose": "the scene has no object (a movable body without a pad)",
     "joint_offset": "no recorded stream drives a joint of the scene",
     "surface": "the pads have too few taxels",
+    "base_pose": "no arm carries a hand with two pads",
+    "hand_pose": "no arm carries a hand with two pads",
 }
 
 
@@ -44,7 +50,19 @@ def _numbers(problem: Problem, group: Group) -> tuple[Free, ...]:
     return tuple(out)
 
 
-def _scene_cause(group: Group, excites: str, words: str, picture: str, price: float = 1.0) -> Cause:
+def _scene_cause(
+    group: Group, excites: str, words: str, picture: str, price: float = 1.0, prior: Mapping[str, float] | None = None
+) -> Cause:
+    def free(problem: Problem) -> tuple[Free, ...]:
+        numbers = _numbers(problem, group)
+        if prior is None:
+            return numbers
+        assert problem.scene is not None
+        units = [one.parameter.unit for one in problem.scene.of(group)]
+        # samples that share an error count as one against the prior
+        spreads = [prior[unit] * SHOWN[unit][1] / np.sqrt(CORRELATED_SAMPLES) for unit in units]
+        return tuple(replace(n, spread=spread) for n, spread in zip(numbers, spreads, strict=True))
+
     def starts(problem: Problem) -> list[list[float]]:
         numbers = _numbers(problem, group)
         places = []
@@ -70,7 +88,7 @@ def _scene_cause(group: Group, excites: str, words: str, picture: str, price: fl
         SCENE_ORDER,
         lambda values, problem: Chain(),
         excites,
-        lambda problem: _numbers(problem, group),
+        free,
         starts,
         change=change,
         barred=barred,
@@ -93,6 +111,8 @@ SCENE_CAUSES: tuple[Cause, ...] = (
         "object_pose", "regrasps", "The object sits elsewhere in its holder, in all episodes.", "mount", price=1.5
     ),
     _scene_cause("joint_offset", "objects", "The zero of a joint is off.", "closing"),
+    _scene_cause("base_pose", "regrasps", "The robot's base is not where the scene puts it.", "mount", 2.0, MOUNTING),
+    _scene_cause("hand_pose", "regrasps", "The hand is not mounted as in the scene.", "mount", 2.0, MOUNTING),
 )
 
 

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -78,18 +79,21 @@ def in_scene(
     tell("replaying the motion", 0.0)
     replay = scene.prepare(recording)
     scene = replay.scene
+    begun_at = time.monotonic()
     episodes = [replay.run(number) for number in replay.episodes]
+    seconds = time.monotonic() - begun_at
     recording = replay.paired(episodes)
     closings = {episode.number: episode.closings for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
-        study = Study(replays, known)
-        study.glance(_part(tell, 0.0, POSES_END))
+        study = Study(replays, known, causes)
+        cost = f"{study.count} replays in all, about {_in_words(study.count * seconds / jobs)}"
+        study.glance(_part(tell, 0.0, POSES_END, cost))
         for _ in range(POSE_FITS):
             begun = begin(_simulated(recording, study), causes, study.responses(), tell)
             if isinstance(begun, Diagnosis):
                 return begun
             study.move(_poses(begun.off.problem, study, begun.off.problem.thinned.at_compared))
-        study.screen(_part(tell, POSES_END, REPLAYS_END))
+        study.screen(_part(tell, POSES_END, REPLAYS_END, cost))
         begun = begin(_simulated(recording, study), causes, study.responses(), tell)
         if isinstance(begun, Diagnosis):
             return begun
@@ -115,14 +119,19 @@ def in_scene(
         return _result(Searched(**vars(begun), it=it), study, scene)
 
 
+def _in_words(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} minutes"
+
+
 def _simulated(recording: Recording, study: Study) -> Recording:
     assert recording.simulated is not None  # where the replay was in doubt, it is unknown
     return replace(recording, simulated=np.where(np.isnan(recording.simulated), np.float32(np.nan), study.base))
 
 
-def _part(tell: Tell, start: float, end: float) -> Tell:
+def _part(tell: Tell, start: float, end: float, more: str = "") -> Tell:
     """Return a progress callback for one part of the work, which runs from `start` to `end` of the whole."""
-    return lambda stage, share: tell(stage, start + (end - start) * share)
+    after = f" ({more})" if more else ""
+    return lambda stage, share: tell(f"{stage}{after}", start + (end - start) * share)
 
 
 def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,21 +40,37 @@ class Study:
         unstable: Why a number was left out, by name.
     """
 
-    def __init__(self, replays: Replays, known: KnownSensor | None = None) -> None:
+    def __init__(
+        self, replays: Replays, known: KnownSensor | None = None, causes: Collection[str] | None = None
+    ) -> None:
         """Start from the stream that the recording already holds, simulated at nominal values.
 
         Args:
             replays: Runs the simulations.
             known: Sensor through which every simulated stream is seen; None for the forces themselves.
+            causes: Causes that are looked for; None for all. The poses of objects are always replayed, as no grasp
+                repeats them.
         """
         assert replays.recording.simulated is not None
-        self.replays, self.parameters, self._known = replays, replays.scene.parameters(), known
+        self.replays, self._known = replays, known
+        self.parameters = {
+            name: item
+            for name, item in replays.scene.parameters().items()
+            if causes is None or item.group in {*causes, "object_pose", "impratio"}
+        }
         self.base: NDArray[np.float32] = self._seen(replays.recording.simulated)
         self.poses: Poses = {}
         self.unstable: dict[str, str] = {}
         self._changes: _Changes = {}
         self._near_poses: tuple[Response, ...] = ()  # effects of the poses in the scene with fitted values
         self._centres: dict[str, tuple[Values, NDArray[np.float32]]] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of replays of the whole motion before the search."""
+        poses = sum(item.by_episode for item in self.parameters.values())
+        each = len(GLANCE_STEPS) + len(SCREEN_STEPS)
+        return len(POSE_STEPS) * poses + each * (len(self.parameters) - poses)
 
     def glance(self, tell: Tell) -> None:
         """Replay the motion with each number changed a little, the objects' poses in both directions."""
