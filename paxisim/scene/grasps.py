@@ -65,6 +65,7 @@ def by_grasp(
         raise InvalidValueError(f"episode {number} has {len(grasps)} grasps, got {len(closings)} closings")
     force = np.full(part.measured.shape, np.nan, dtype=np.float32)
     found: list[float] = []
+    last: FittedClosing | None = None
     notes: list[str] = []
     failed: list[InvalidValueError] = []
     state: NDArray[np.float64] | None = None
@@ -74,7 +75,10 @@ def by_grasp(
         grasp = _Grasp(follower, part, slice(span.start, new.stop), state, shifts)
         before = found[-1] if found else 0.0
         try:
-            fitted = grasp.fitted() if closings is None else FittedClosing(closings[k], grasp.simulated(closings[k]))
+            fitted = (
+                grasp.fitted(last) if closings is None else FittedClosing(closings[k], grasp.simulated(closings[k]))
+            )
+            last = fitted
         except InvalidValueError as error:
             failed.append(error)
             fitted = FittedClosing(before, np.full_like(grasp.simulated(before), np.nan), (str(error),))
@@ -116,11 +120,11 @@ class _Grasp:
         closed = self._follower.closed(closing)
         return {drive: closed.get(drive, 0.0) + self._shifts.get(drive, 0.0) for drive in {**closed, **self._shifts}}
 
-    def fitted(self) -> FittedClosing:
-        """Fit the closing to the measured forces."""
+    def fitted(self, before: FittedClosing | None) -> FittedClosing:
+        """Fit the closing to the measured forces, beginning near the fit of the grasp before."""
         fit: Callable[..., FittedClosing] = CLOSING_FITS[self._follower.scene.mode]
         step, number = self._follower.closing_step(), int(self._part.episode[0])
-        return fit(self.simulated, self._part.measured, self._part.time, step, number)
+        return fit(self.simulated, self._part.measured, self._part.time, step, number, before)
 
     def end(self, closing: float) -> NDArray[np.float64]:
         """Return the state at the end with a closing."""

@@ -34,6 +34,7 @@ def fit_shape(
     time: NDArray[np.float64],
     step: float,
     episode: int,
+    before: FittedClosing | None = None,
 ) -> FittedClosing:
     """Fit the constant to the shape of the total normal force over time.
 
@@ -43,6 +44,7 @@ def fit_shape(
         time: ``(T,)`` sample times (s).
         step: The constant that moves the closing joint by 1 mm.
         episode: Number of the episode, for messages.
+        before: Not used: the search covers the whole range, since several closings may fit alike.
 
     Raises:
         InvalidValueError: The best constant is at the edge of the search range, or the similarity is too small.
