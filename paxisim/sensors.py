@@ -40,6 +40,7 @@ class Sensor:
         pitch: Size of a taxel (m) as (row pitch along y, column pitch along x); None for a curved sensor.
         coordinates: Source of a curved sensor's positions, ``"PACKAGE:PART"``; None for a flat grid. Only those of
             paxini-sdk can be read without a hand; for ``xela_models``, see `paxisim.sensor_modules`.
+        profiles: Names of the device profiles that drive it, as for `paxisim.open_sensor`.
         rate: Readings per second (Hz).
         mass: Mass of one pad (kg).
         resolution: One count of a taxel's reading (N).
@@ -57,6 +58,7 @@ class Sensor:
     cols: int
     pitch: tuple[float, float] | None = None
     coordinates: str | None = None
+    profiles: tuple[str, ...] = ()
     rate: float | None = None
     mass: float | None = None
     resolution: float | None = None
@@ -107,12 +109,13 @@ def known_sensors() -> tuple[Sensor, ...]:
 
 def format_table() -> str:
     """Return the catalogue as a plain text table, at most 80 columns wide, without a final newline."""
-    rows: list[tuple[str, ...]] = [("name", "model", "taxels", "pitch (mm)", "Hz")]
+    rows: list[tuple[str, ...]] = [("name", "taxels", "pitch (mm)", "device profiles")]
     for item in known_sensors():
         flat = item.pitch is not None
         taxels = f"{item.rows}x{item.cols}" if flat else str(item.taxels)
         pitch = " x ".join(f"{1e3 * p:.4g}" for p in item.pitch) if item.pitch else "curved"
-        rows.append((item.name, item.model, taxels, pitch, "-" if item.rate is None else f"{item.rate:g}"))
+        first, *others = item.profiles or ("-",)
+        rows += [(item.name, taxels, pitch, first), *(("", "", "", profile) for profile in others)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     rows.insert(1, tuple("-" * width for width in widths))
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
@@ -206,6 +209,7 @@ def _parse(name: str, entry: dict[str, Any]) -> Sensor:
     return Sensor(
         name=name,
         pitch=None if pitch is None else (1e-3 * pitch[0], 1e-3 * pitch[1]),
+        profiles=tuple(entry.pop("profiles", ())),
         rate=entry.pop("rate_hz", None),
         mass=None if mass is None else 1e-3 * mass,
         resolution=entry.pop("resolution_n", None),
