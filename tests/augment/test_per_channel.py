@@ -190,3 +190,13 @@ class TestFirmware:
         y = Firmware()(x)
         np.testing.assert_allclose(y, Chain(parts)(x), atol=1e-12)
         np.testing.assert_array_equal(Firmware()(y), y)
+
+    def test_its_floor_of_the_shear_is_that_of_a_dead_band_between_counts(self):
+        x = 0.3 * np.random.default_rng(0).standard_normal((200, 2, 3, 3, 3))
+        y = Firmware(
+            resolution=1e-4, gate_counts=1500, shear_floor_counts=2000, shear_counts=10**5, normal_counts=10**5
+        )(x)
+        band = DeadBand((0.0, 0.0, 0.15), shear_floor=0.2)(np.maximum(x, [[[-np.inf]], [[-np.inf]], [[0.0]]]))
+        gated = np.abs(x[:, :, :2]) < 0.15  # its gate on the shear comes before the floor
+        np.testing.assert_allclose(y[:, :, :2][~gated], band[:, :, :2][~gated], atol=1e-4)
+        np.testing.assert_allclose(np.abs(y), np.abs(band), atol=1e-4)

@@ -63,7 +63,7 @@ def examples(seed: int) -> dict[str, Transform]:
         augment.CovariateField(field, ("gripper_opening", "wrist"), (0.2, -0.1), ((2.0, 0.5), (-0.5, 2.0))),
         augment.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3)),
         crosstalk,
-        augment.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6)),
+        augment.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6), rng.uniform(0.1, 0.3)),
         augment.DeadTaxels(**faults),
         augment.Drift(
             rng.uniform(-1, 1, FRAME), rng.uniform(-1, 1, FRAME), rng.uniform(0.05, 0.5), rng.uniform(0, 0.3)
