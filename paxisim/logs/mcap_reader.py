@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import orjson
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
@@ -21,6 +21,7 @@ from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
+_LAYOUT = ("rows", "cols", "pitch", "positions", "normals")
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; the data follow
 
 
@@ -54,6 +55,8 @@ def is_recording(path: Path) -> bool:
         FileNotFoundError: The file does not exist.
     """
     for opcode, body in McapRecords(path):
+        if opcode == Opcode.SCHEMA and Schema.read(as_stream(body)).name == schemas.TACTILE["title"]:
+            return True
         if opcode == Opcode.METADATA:
             try:
                 if Metadata.read(as_stream(body)).name == schemas.METADATA:
@@ -123,6 +126,11 @@ class _Reader:
                 samples.add(nanoseconds, [value], [])
         elif topic == "/episode":
             self._samples("episode").add(nanoseconds, [document["episode"]], [])
+        elif topic == schemas.LAYOUT_TOPIC and self.metadata is None:  # from a program that writes no metadata
+            layout = {name: document[name] for name in _LAYOUT if name in document}
+            found = {"layout": layout, "pads": document["pads"], "unit": document["unit"]}
+            checked_metadata(self.path, found)
+            self.metadata = found
 
     def _fit(self, values: Sequence[Any]) -> None:
         """Check that the numbers, which may have two characters each in the file, fit into the memory."""
@@ -151,8 +159,8 @@ class _Reader:
         if self.metadata is None and has_footer:
             topics = ", ".join(self.topics.values()) or "none"
             raise InvalidValueError(
-                f"{self.path} is an MCAP file, but not a recording of paxisim: it has no {schemas.METADATA!r} metadata "
-                f"(its topics: {topics})"
+                f"{self.path} is an MCAP file, but not a recording of paxisim: it has neither "
+                f"{schemas.METADATA!r} metadata nor a message on {schemas.LAYOUT_TOPIC} (its topics: {topics})"
             )
         if self.metadata is None:
             raise InvalidValueError(f"{self.path} is an MCAP file that ends before its description")

@@ -24,6 +24,7 @@ from paxisim._version import __version__
 from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.recording_arrays import unit_of
 
 _RANGE = "1970-01-01 UTC, up to 2262-04-11"
 # numbers are written as the shortest text that reads back to the same float32 or float64
@@ -69,6 +70,7 @@ class LogWriter:
         record, scene = _describe(metadata)
         pads = metadata.get("pads") or ()
         self._pads = [str(pad) for pad in pads]
+        self._layout: Mapping[str, Any] | None = _layout_message(metadata)
         self._interval = flush_interval
         self._lock = threading.Lock()
         self._channels: dict[str, tuple[int, tuple[int, ...]]] = {}
@@ -132,7 +134,7 @@ class LogWriter:
         fields = {"timestamp": {"sec": sec, "nsec": nsec}}
         with self._lock:
             self._file.check()
-            channel = self._channel(stream, array)
+            channel = self._channel(stream, array, fields)
             sequence = extra.pop("sequence", None)
             sequence = self._counts[stream] if sequence is None else int(sequence)
             self._counts[stream] = sequence + 1
@@ -232,20 +234,30 @@ class LogWriter:
             flat = flat.astype(np.float64)
         return {"total": pads, "shape": force.shape, "force": flat}
 
-    def _channel(self, stream: str, array: np.ndarray) -> int:
+    def _channel(self, stream: str, array: np.ndarray, timestamp: dict[str, Any]) -> int:
         if stream in self._channels:
             channel, shape = self._channels[stream]
             if array.shape != shape:
                 raise InvalidValueError(f"samples of {stream!r} must keep the shape {shape}, got {array.shape}")
             return channel
         topic, schema = _topic(stream, array)
-        document = orjson.dumps(schema)
-        channel = self._writer.register_channel(
-            topic, "json", self._writer.register_schema(schema["title"], "jsonschema", document)
-        )
+        if stream in schemas.TACTILE_STREAMS and self._layout is not None:
+            described = {**timestamp, **self._layout}
+            at = timestamp["timestamp"]["sec"] * 10**9 + timestamp["timestamp"]["nsec"]
+            channel = self._registered(schemas.LAYOUT_TOPIC, schemas.LAYOUT)
+            with self._counting():
+                self._writer.add_message(channel, at, orjson.dumps(described, option=_JSON), at)
+            self._layout = None
+        channel = self._registered(topic, schema)
         self._channels[stream] = channel, array.shape
         self._counts[stream] = 0
         return channel
+
+    def _registered(self, topic: str, schema: dict[str, Any]) -> int:
+        document = orjson.dumps(schema)
+        return self._writer.register_channel(
+            topic, "json", self._writer.register_schema(schema["title"], "jsonschema", document)
+        )
 
 
 # DataEnd without a checksum, Footer without a summary, and the magic bytes
@@ -338,6 +350,16 @@ def _topic(stream: str, array: np.ndarray) -> tuple[str, dict[str, Any]]:
     if stream.startswith(schemas.COVARIATE) and len(stream) > len(schemas.COVARIATE):
         return f"/{stream}", schemas.SCALAR if array.ndim == 0 else schemas.ARRAY
     raise InvalidValueError(f"unknown stream {stream!r}; expected measured, simulated, episode or covariate/NAME")
+
+
+def _layout_message(metadata: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the message that describes the tensors, without its time; None if the layout is not known."""
+    layout = metadata.get("layout")
+    described = layout.to_dict() if isinstance(layout, TaxelLayout) else layout
+    if not isinstance(described, Mapping):
+        return None
+    described = {name: value for name, value in described.items() if name != "vendor_order"}
+    return {"pads": list(metadata.get("pads") or ()), "unit": unit_of(metadata), **described}
 
 
 def _describe(metadata: Mapping[str, Any]) -> tuple[dict[str, str], str | None]:

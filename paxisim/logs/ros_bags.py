@@ -11,6 +11,7 @@ import functools
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -61,18 +62,18 @@ def read_bag(path: Path) -> TopicStreams:
         MissingExtraError: The package that reads the bag is not installed.
         FileNotFoundError: The file does not exist.
     """
-    files = _files(path)
-    if files[0].suffix == ".mcap":
+    parts = _files(path)
+    if parts[0].suffix == ".mcap":
         from paxisim.logs.mcap_topics import read_topics
 
-        return read_topics(path, files)
-    found = TopicStreams(path, files)
+        return read_topics(path, parts)
+    found = TopicStreams(path, parts)
     try:
         import rosbags.rosbag1
         import rosbags.rosbag2  # noqa: F401
     except ModuleNotFoundError as error:
         raise MissingExtraError("rosbags", "ros", f"{path}, a bag of ROS,") from error
-    for file in files:
+    for file in parts:
         _read(found, file)
     return found.check()
 
@@ -180,6 +181,9 @@ def _store(is_ros_1: bool) -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if is_ros_1 else Stores.ROS2_HUMBLE)
+    for kind in ("TactileLayout", "TactileFrame"):
+        text = files("paxisim").joinpath(f"data/paxisim_msgs/msg/{kind}.msg").read_text(encoding="utf-8")
+        store.register(get_types_from_msg(text, f"paxisim_msgs/msg/{kind}"))
     for kind in XELA_TYPES:
         package, name = kind.split("/")
         store.register(get_types_from_msg(_SENS_STREAM.format(package=package), f"{package}/msg/{name}"))

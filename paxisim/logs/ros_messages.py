@@ -6,6 +6,7 @@
 | ``geometry_msgs/WrenchStamped`` | ``topic/force`` (N), ``topic/torque`` (Nm) |
 | ``sensor_msgs/MagneticField`` | ``topic/magnetic_field`` (T) |
 | ``std_msgs/Float64MultiArray``, ``Float32MultiArray`` | ``topic/data``, in the shape of its layout if that fits |
+| ``paxisim_msgs/TactileFrame`` | ``topic/tensor``, ``(pads, 3, rows, cols)``; ``TactileLayout`` describes it |
 | ``tf2_msgs/TFMessage`` | ``CHILD_FRAME``: the pose of a frame that moves, see `paxisim.logs.ros_frames` |
 | ``SensStream`` of XELA's server | ``topic/MODEL_N/forces`` (N) and ``topic/MODEL_N/counts`` of each sensor N, \
 ``(taxels, 3)`` |
@@ -21,16 +22,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from paxisim.layout import TaxelLayout
 from paxisim.logs.ros_frames import transform_samples
+from paxisim.logs.schemas import in_error
 
 # name within the topic, which begins with "/" if the topic is part of the stream's name; time (ns) or None; numbers
 Sample = tuple[str, "int | None", Any]
 
-FORCES, COUNTS, FIELD, WRENCH, ARRAY = "/forces", "/counts", "/magnetic_field", "/force", "/data"
+FORCES, COUNTS, FIELD, WRENCH, ARRAY, TENSOR = "/forces", "/counts", "/magnetic_field", "/force", "/data", "/tensor"
 """Ends of the names of streams that may be tactile."""
 _KINDS = (("position", ""), ("velocity", ".velocity"), ("effort", ".effort"))
 _MIDDLE_COUNT = 2**15
@@ -89,6 +93,27 @@ def _array(message: Any) -> Iterator[Sample]:
     yield ARRAY, None, values.reshape(shape) if is_whole else values
 
 
+@dataclass(frozen=True)
+class Described:
+    """What the frames of a tactile sensor have in common: the names of its pads, the unit, and the layout."""
+
+    pads: tuple[str, ...]
+    unit: str
+    layout: TaxelLayout
+
+
+def _tactile_layout(message: Any) -> Iterator[Sample]:
+    positions, normals = ([_xyz(one) for one in points] or None for points in (message.positions, message.normals))
+    layout = TaxelLayout(message.rows, message.cols, tuple(message.pitch), positions, normals)
+    yield TENSOR, None, Described(tuple(message.pads), message.unit, layout)
+
+
+def _tactile_frame(message: Any) -> Iterator[Sample]:
+    tensor = np.array(message.force, dtype=np.float64).reshape(tuple(message.shape))
+    tensor[in_error(message.status)] = np.nan
+    yield TENSOR, _stamp(message), tensor
+
+
 class _Xela:
     """Messages of one topic of XELA's server."""
 
@@ -123,6 +148,8 @@ _PARSERS: dict[str, Callable[[Any], Iterator[Sample]]] = {
     "sensor_msgs/MagneticField": _field,
     "std_msgs/Float64MultiArray": _array,
     "std_msgs/Float32MultiArray": _array,
+    "paxisim_msgs/TactileFrame": _tactile_frame,
+    "paxisim_msgs/TactileLayout": _tactile_layout,
     "tf2_msgs/TFMessage": transform_samples,
 }
 XELA_TYPES = ("xela_server_ros/SensStream", "xela_server_ros2/SensStream")

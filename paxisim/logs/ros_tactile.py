@@ -3,13 +3,14 @@
 | topic of type | becomes |
 |---|---|
 | ``SensStream`` of XELA's server | a pad ``MODEL_N`` for each sensor: its forces (N), or its counts if it has none |
+| ``paxisim_msgs/TactileFrame`` | its pads, as its ``TactileLayout`` on ``TOPIC_layout`` describes them |
 | ``sensor_msgs/MagneticField``, one topic a magnetometer | one pad, whose taxels are the topics in the order of their \
 names, in microtesla |
 | ``std_msgs/Float64MultiArray``, ``Float32MultiArray`` | one pad or several, see below |
 | ``geometry_msgs/WrenchStamped`` | a pad of one taxel: the force (N) |
 
-Without a choice of topics, these are tactile: ``SensStream``, several topics of ``MagneticField``, and arrays with
-"tactile" in the name of their topic. The axes of an array are those that the caller states, in words of
+Without a choice of topics, these are tactile: ``TactileFrame``, ``SensStream``, several topics of ``MagneticField``,
+and arrays with "tactile" in the name of their topic. The axes of an array are those that the caller states, in words of
 `paxisim.logs.axes.WORDS`, or the only ones that fit its shape. The first pad gives the clock; the others are
 interpolated to it.
 """
@@ -28,13 +29,14 @@ from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
 from paxisim.logs.axes import FORMS, fits, given_axes, on_grid, tensor_of
 from paxisim.logs.resample import resample
-from paxisim.logs.ros_messages import ARRAY, COUNTS, FIELD, FORCES, WRENCH, XELA_TYPES, type_name
+from paxisim.logs.ros_messages import ARRAY, COUNTS, FIELD, FORCES, TENSOR, WRENCH, XELA_TYPES, type_name
 from paxisim.logs.stream import Log, Stream
 from paxisim.logs.topic_streams import TopicStreams
 from paxisim.sensors import known_sensors
 
 _FIELD_TYPE = "sensor_msgs/MagneticField"
 _ARRAY_TYPES = ("std_msgs/Float64MultiArray", "std_msgs/Float32MultiArray")
+_FRAME_TYPE = "paxisim_msgs/TactileFrame"
 _WRENCH_TYPE = "geometry_msgs/WrenchStamped"
 _MICROTESLA = 1e6  # per tesla
 
@@ -86,6 +88,8 @@ def tactile_log(
             raise InvalidValueError(f"{found.path}: no message of topic {topic} ({found.types[topic]}) could be read")
         if topic in fields:
             parts.append(_field_pad(found, fields, max_gap))
+        elif TENSOR in streams:
+            parts.append(_described_pads(found, topic, streams[TENSOR], layout))
         elif ARRAY in streams:
             parts.append(_array_pads(found, topic, streams[ARRAY], (axes or {}).get(topic), layout))
         elif WRENCH in streams:
@@ -106,13 +110,28 @@ def _recognised(found: TopicStreams) -> list[str]:
     xela = [topic for topic, kind in kinds.items() if kind in XELA_TYPES]
     fields = sorted((topic for topic, kind in kinds.items() if kind == _FIELD_TYPE), key=_natural)
     arrays = [topic for topic, kind in kinds.items() if kind in _ARRAY_TYPES and "tactile" in topic.lower()]
-    groups = [group for group in (xela, fields if len(fields) > 1 else [], arrays) if group]
+    frames = [topic for topic, kind in kinds.items() if kind == _FRAME_TYPE]
+    groups = [group for group in (frames, xela, fields if len(fields) > 1 else [], arrays) if group]
     if len(groups) != 1:
         what = "has several kinds of tactile topics" if groups else "has no topic that is tactile beyond doubt"
         raise InvalidValueError(
             f"{found.path} {what}: choose with topics (paxisim convert --topics) among its topics {found.listed()}"
         )
     return groups[0]
+
+
+def _described_pads(found: TopicStreams, topic: str, stream: Stream, layout: TaxelLayout | None) -> _Pads:
+    shape = stream.values.shape[1:]
+    said = found.described.get(f"{topic}_layout")
+    if len(shape) != 4 or shape[1] != 3 or (said is not None and said.layout.shape != shape[1:]):
+        expected = "(pads, 3, rows, cols)" if said is None else f"pads of {said.layout.shape}"
+        raise InvalidValueError(f"{found.path}: the frames of topic {topic} must be {expected}, got shape {shape}")
+    name = topic.strip("/")
+    pads = (said.pads if said is not None else ()) or tuple(f"{name}{i}" for i in range(shape[0]))
+    if len(pads) != shape[0]:
+        raise InvalidValueError(f"{found.path}: {topic}_layout names {len(pads)} pads, its frames have {shape[0]}")
+    unit = None if said is None or said.unit == "N" else said.unit
+    return _Pads(tuple(pads), stream, unit, layout or (None if said is None else said.layout))
 
 
 def _xela_pads(streams: Mapping[str, Stream], layout: TaxelLayout | None) -> list[_Pads]:

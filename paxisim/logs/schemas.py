@@ -5,6 +5,7 @@
 | ``measured``, ``simulated`` | ``/tactile/measured``, ``/tactile/simulated`` | `TACTILE` |
 | ``covariate/NAME`` | ``/covariate/NAME`` | `SCALAR` or `ARRAY` |
 | ``episode`` | ``/episode`` | `EPISODE` |
+| | ``/tactile_layout`` | `LAYOUT`, once, before the first tensor |
 
 An unknown number (NaN) is stored as null.
 """
@@ -82,6 +83,18 @@ TACTILE = _message(
     shape=_array(_INTEGER, "pads, 3, rows, cols"),
     force=_array(_NUMBER, "the tensor, flattened in C order"),
 )
+LAYOUT = _message(
+    "paxisim.TactileLayout",
+    "what the tactile messages of this file have in common",
+    pads={"type": "array", "items": {"type": "string"}, "description": "names of the pads, in the order of the tensor"},
+    unit={"type": "string", "description": "unit of the tensor: N, uT or counts"},
+    rows={**_INTEGER, "description": "rows of taxels, along y of the pad frame"},
+    cols={**_INTEGER, "description": "columns of taxels, along x of the pad frame"},
+    pitch=_array(_NUMBER, "distance of the rows and of the columns (m)"),
+    positions=_array(_array(_NUMBER, "x y z"), "places of the taxels in the pad frame (m); missing for a flat grid"),
+    normals=_array(_array(_NUMBER, "x y z"), "directions into the pad at the taxels; missing for a flat grid"),
+)
+LAYOUT_TOPIC = "/tactile_layout"
 SCALAR = _message("paxisim.Scalar", "one number", value=_NUMBER)
 ARRAY = _message(
     "paxisim.Array",

@@ -13,7 +13,7 @@ import numpy as np
 from paxisim.errors import InvalidValueError
 from paxisim.logs.limits import most_unpacked, refuse_streams, refuse_unpacked
 from paxisim.logs.ros_frames import is_frame, poses_in_root
-from paxisim.logs.ros_messages import TYPES, Sample
+from paxisim.logs.ros_messages import TYPES, Described, Sample
 from paxisim.logs.stream import Stream
 
 
@@ -23,6 +23,7 @@ class TopicStreams:
     Attributes:
         path: The file or folder, for messages.
         types: Message type of each topic of the file, read or not.
+        described: What messages say about the frames of a tactile sensor, by their topic.
         bad: Number of messages that could not be read.
         is_whole: Whether the file was read to its end.
     """
@@ -37,6 +38,7 @@ class TopicStreams:
         self.types: dict[str, str] = {}
         self.bad = 0
         self.is_whole = True
+        self.described: dict[str, Described] = {}
         self._most = sum(most_unpacked(file) for file in files)
         self._size = 0
         self._samples: dict[tuple[str, str], _Samples] = {}
@@ -49,6 +51,9 @@ class TopicStreams:
             ValueError: A sample has another shape than those before it.
         """
         for name, at, value in samples:
+            if isinstance(value, Described):
+                self.described[topic] = value
+                continue
             numbers = np.array(value, dtype=np.float64)  # None becomes NaN
             known = self._samples.get((topic, name))
             if known is None:

@@ -1,8 +1,13 @@
 """Bags of ROS 1 and ROS 2, written with the library rosbags, for the tests of reading them."""
 
+from pathlib import Path
+
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+import paxisim
+
+MSGS = Path(paxisim.__file__).parent / "data" / "paxisim_msgs" / "msg"
 XELA = """SensorFull[] sensors
 ================================================================================
 MSG: {0}/SensorFull
@@ -33,6 +38,9 @@ class Messages:
         self.xela = "xela_server_ros" if version == 1 else "xela_server_ros2"
         self.store.register(get_types_from_msg(XELA.format(self.xela), f"{self.xela}/msg/SensStream"))
         self.has_seq = version == 1
+        for kind in ("TactileLayout", "TactileFrame"):
+            text = (MSGS / f"{kind}.msg").read_text()
+            self.store.register(get_types_from_msg(text, f"paxisim_msgs/msg/{kind}"))
 
     def make(self, kind, **fields):
         return self.store.types[kind](**fields)
@@ -83,6 +91,29 @@ class Messages:
                 )
                 for model, position, counts, forces in sensors
             ],
+        )
+
+    def tactile_layout(self, pads, layout, unit="N"):
+        curved = [] if layout.is_grid else [self.xyz(row, "geometry_msgs/msg/Point") for row in layout.positions]
+        return self.make(
+            "paxisim_msgs/msg/TactileLayout",
+            pads=list(pads),
+            unit=unit,
+            rows=layout.rows,
+            cols=layout.cols,
+            pitch=np.array(layout.pitch),
+            positions=curved,
+            normals=[self.xyz(row) for row in layout.normals] if curved else [],
+        )
+
+    def tactile_frame(self, at, tensor, status=()):
+        return self.make(
+            "paxisim_msgs/msg/TactileFrame",
+            header=self.header(at),
+            sequence=0,
+            shape=np.array(tensor.shape, np.uint32),
+            force=np.asarray(tensor, np.float32).ravel(),
+            status=np.array(status, np.uint8),
         )
 
 

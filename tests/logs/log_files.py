@@ -111,8 +111,11 @@ def refused(path: Path, word: str, **options) -> None:
         Recording.load(path, **options)
 
 
-def write_json(path, messages, metadata=None, **options):
-    """Write an MCAP file of messages (topic, log time, document or its bytes) and of paxisim's metadata."""
+def write_json(path, messages, metadata=None, kinds=None, **options):
+    """Write an MCAP file of messages (topic, log time, document or its bytes) and of paxisim's metadata.
+
+    With `kinds`, topics have schemas with these names.
+    """
     with open(path, "wb") as file:
         writer = Writer(file, **options)
         writer.start()
@@ -121,7 +124,9 @@ def write_json(path, messages, metadata=None, **options):
         channels = {}
         for topic, at, document in messages:
             if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "json", 0)
+                kind = (kinds or {}).get(topic)
+                schema = writer.register_schema(kind, "jsonschema", b"{}") if kind else 0
+                channels[topic] = writer.register_channel(topic, "json", schema)
             data = document if isinstance(document, bytes) else json.dumps(document).encode()
             writer.add_message(channels[topic], at, data, at)
         writer.finish()

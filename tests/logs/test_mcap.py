@@ -1,10 +1,13 @@
 """Logs that are read: complete ones, ones cut off or damaged at any point, and foreign ones."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_files import LAYOUT, START, counts, refused, write_json
+from log_files import LAYOUT, MS, START, counts, refused, write_json
+from mcap.reader import make_reader
 
 from paxisim.errors import InvalidValueError
 from paxisim.logs import schemas
@@ -133,6 +136,32 @@ def test_what_a_pad_in_error_says_is_not_known(tmp_path):
     loaded = Recording.load(path)
     np.testing.assert_array_equal(np.isnan(loaded.covariates["resultant"]), np.repeat(wrong[..., None], 3, axis=2))
     assert Recording.load(path, missing="drop").time.tolist() == [0, 3e-9]
+
+
+def test_topics_alone_describe_a_recording_that_another_program_wrote(tmp_path, whole):
+    with whole[0].open("rb") as file:
+        found = [
+            (schema.name, channel.topic, json.loads(m.data)) for schema, channel, m in make_reader(file).iter_messages()
+        ]
+    (described,) = [document for name, _, document in found if name == "paxisim.TactileLayout"]
+    layout = {name: value for name, value in LAYOUT.to_dict().items() if name != "vendor_order"}
+    assert described == {"timestamp": described["timestamp"], "pads": ["left", "right"], "unit": "N", **layout}
+    assert found[0][0] != "paxisim.Tactile", "the layout comes before the first tensor"
+
+    kinds = {"/tactile/measured": "paxisim.Tactile"}
+    frames = [("/tactile/measured", START + i * MS, frame(FORCE[i])) for i in range(9)]
+    first = "/tactile_layout", START, described | {"unit": "uT"}
+    write_json(tmp_path / "a.mcap", [first, *frames], kinds=kinds)
+    loaded = Recording.load(tmp_path / "a.mcap")
+    np.testing.assert_array_equal(loaded.measured, FORCE[:9])
+    assert (loaded.pads, loaded.unit, loaded.layout.to_dict()) == (("left", "right"), "uT", layout)
+    write_json(tmp_path / "b.mcap", frames, kinds=kinds)
+    refused(tmp_path / "b.mcap", "neither 'paxisim' metadata nor a message on /tactile_layout")
+
+
+def frame(force):
+    """Return a message with a tensor, without the fields that a program may leave out."""
+    return {"timestamp": {"sec": 0, "nsec": 0}, "shape": force.shape, "force": force.ravel().tolist()}
 
 
 def test_foreign_files_are_told_apart(tmp_path):

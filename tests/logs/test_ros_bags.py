@@ -2,6 +2,7 @@
 
 import sqlite3
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from log_files import METADATA, MS, START, counts, refused, write_log
 
 from paxisim.cli import main
 from paxisim.errors import UnknownNameError
+from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
 pytest.importorskip("rosbags")
-from bag_files import write_bag
+from bag_files import MSGS, write_bag
 
 KINDS = ["bag", "bz2", "lz4", "sqlite", "mcap"]
 FORCES = np.random.default_rng(0).normal(0, 1, (40, 2, 16, 3)).astype(np.float32)
@@ -114,6 +116,47 @@ def test_fields_arrays_and_wrenches(tmp_path):
     assert sorted(loaded.covariates) == ["a", "b"]
 
 
+TENSOR = np.random.default_rng(2).normal(0, 1, (20, 2, 3, 1, 3)).astype(np.float32)
+NORMALS = ((0.0, 0.0, 1.0), (0.0, 0.6, 0.8), (0.6, 0.0, 0.8))
+CURVED = TaxelLayout(1, 3, (2e-3, 2e-3), ((0.0, 0.0, 0.0), (2e-3, 0.0, 1e-4), (4e-3, 0.0, 3e-4)), NORMALS)
+
+
+def frames(layout=CURVED, pads=("left", "right"), unit="uT"):
+    """Return a function that yields paxisim's own messages, in which one pad fails once."""
+
+    def messages(build):
+        if layout is not None:
+            yield "/hand/skin_layout", START - 9 * 10**9, build.tactile_layout(pads, layout, unit)
+        for i in range(20):
+            at = START + i * 10 * MS
+            yield "/hand/skin", at + 3 * MS, build.tactile_frame(at, TENSOR[i], (128, 1) if i == 7 else ())
+            yield from arm(build, i)
+
+    return messages
+
+
+@pytest.mark.parametrize("kind", ["bag", "sqlite", "mcap"])
+def test_frames_are_described_by_their_layout_which_was_published_once(tmp_path, kind):
+    loaded = Recording.load(write_bag(path_of(tmp_path, kind), kind, frames()))
+    assert loaded.pads == ("left", "right")
+    assert loaded.unit == "uT"
+    assert loaded.layout == CURVED
+    expected = TENSOR.copy()
+    expected[7, 1] = np.nan
+    np.testing.assert_array_equal(loaded.measured, expected)
+    np.testing.assert_allclose(loaded.time, 0.01 * np.arange(20), atol=1e-9)
+    assert "b" in loaded.covariates
+    bare = Recording.load(write_bag(path_of(tmp_path, kind, "bare"), kind, frames(None)))
+    assert (bare.pads, bare.unit) == (("hand/skin0", "hand/skin1"), "N")
+
+
+def test_the_page_shows_the_messages_as_they_are():
+    page = (Path(__file__).parents[2] / "docs" / "formats" / "mcap.md").read_text()
+    for path in MSGS.glob("*.msg"):
+        fields = [line for line in path.read_text().splitlines() if line and not line.startswith("#")]
+        assert "\n".join(fields) in page
+
+
 def both(build):
     yield from fields(build)
     yield from arrays((4, 3))(build)
@@ -138,6 +181,8 @@ UNCLEAR = [  # messages, options, words of the error
     (arrays((12,)), {"axes": {"/tactile": "rows,xyz"}}, "the axes of /tactile must be"),
     (lambda build: arm(build, 0), {"topics": ["/joint_states"]}, "cannot be a tactile sensor: choose others"),
     (uneven, {}, "differ in their taxels: uSPa44_1 has 4x4, uSPr2F_2 has 1x7; choose with pads"),
+    (frames(pads=("left",)), {}, "/hand/skin_layout names 1 pads, its frames have 2"),
+    (frames(TaxelLayout(2, 3, (2e-3, 2e-3))), {}, r"the frames of topic /hand/skin must be pads of \(3, 2, 3\)"),
     (lambda build: [], {}, "no numeric stream: expected sensor_msgs/JointState, .*topics are: none"),
 ]
 
