@@ -103,7 +103,8 @@ class Described:
 
 
 def _tactile_layout(message: Any) -> Iterator[Sample]:
-    positions, normals = ([_xyz(one) for one in points] or None for points in (message.positions, message.normals))
+    points = (np.array([_xyz(one) for one in given]) for given in (message.positions, message.normals))
+    positions, normals = (given if len(given) else None for given in points)
     layout = TaxelLayout(message.rows, message.cols, tuple(message.pitch), positions, normals)
     yield TENSOR, None, Described(tuple(message.pads), message.unit, layout)
 
