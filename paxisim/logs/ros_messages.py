@@ -103,10 +103,12 @@ class Described:
 
 
 def _tactile_layout(message: Any) -> Iterator[Sample]:
-    points = (np.array([_xyz(one) for one in given]) for given in (message.positions, message.normals))
-    positions, normals = (given if len(given) else None for given in points)
-    layout = TaxelLayout(message.rows, message.cols, tuple(message.pitch), positions, normals)
-    yield TENSOR, None, Described(tuple(message.pads), message.unit, layout)
+    layout: dict[str, Any] = {name: getattr(message, name) for name in ("rows", "cols")}
+    layout["pitch"] = [float(length) for length in message.pitch]
+    for name in ("positions", "normals"):
+        if points := [_xyz(one) for one in getattr(message, name)]:
+            layout[name] = points
+    yield TENSOR, None, Described(tuple(message.pads), message.unit, TaxelLayout.from_dict(layout))
 
 
 def _tactile_frame(message: Any) -> Iterator[Sample]:
