@@ -7,12 +7,18 @@ import shutil
 import sys
 import textwrap
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from paxisim.cli.output import TERMINAL_COLUMNS, check_output, progress
+from paxisim.cli.plot import print_film
+from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from paxisim.recording import Recording
+    from paxisim.scene.replay import Replay
 
 
 def replay(
@@ -24,6 +30,7 @@ def replay(
     mode: Literal["auto", "kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
     jobs: int = 1,
+    film: Path | None = None,
     force: bool = False,
 ) -> None:
     """Replay a recorded motion in MuJoCo and write measured and simulated forces side by side.
@@ -39,6 +46,8 @@ def replay(
 
     paxisim replay press.mcap --scene press.toml -o paired.mcap
 
+    paxisim replay press.mcap --scene press.toml -o paired.mcap --film replay.mp4
+
     Args:
         recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a motion (.json).
         scene: Scene file, .toml.
@@ -53,7 +62,9 @@ def replay(
             force: the actuators exert the recorded forces.
         mean: Simulate the mean force since the previous sample, as a sensor that averages measures it.
         jobs: Number of episodes to simulate in parallel.
-        force: Overwrite the output if it exists.
+        film: Film of the scene beside the pads of both streams, .mp4, .gif or .webp; in real time, for up to 60 s.
+            Without a display, it needs MUJOCO_GL=egl or MUJOCO_GL=osmesa.
+        force: Overwrite the outputs if they exist.
     """
     from dataclasses import replace
 
@@ -66,6 +77,13 @@ def replay(
     if output.suffix.lower() not in (".mcap", ".npz"):
         raise InvalidValueError(f"the output must end in .mcap or .npz, got {output}")
     check_output(output, force)
+    if film is not None:
+        from paxisim.viz.film import check_film
+        from paxisim.viz.film_scene import check_renderer
+
+        check_film(film)
+        check_output(film, force)
+        check_renderer()
     loaded_scene = Scene.load(scene)
     if mode is not None:
         loaded_scene = replace(loaded_scene, mode=mode)
@@ -74,6 +92,11 @@ def replay(
     if protocol is not None and streams:
         raise InvalidValueError("--streams adds to a recording, but the motion of a protocol is complete: leave it out")
     loaded = Recording.load(recording, streams=streams) if protocol is None else protocol.unrecorded(loaded_scene)
+    if film is not None and loaded.measured is not None and loaded.unit != "N":
+        raise InvalidValueError(
+            f"--film shows both streams on one scale, but measured is in {loaded.unit}: convert it with paxisim "
+            "calibrate, or leave --film out"
+        )
     kept = output.with_name(f".{output.name}.episodes")
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
@@ -83,8 +106,11 @@ def replay(
         raise
     progress(f"writing {output}")
     paired.save(output)
+    seconds = None if film is None else _film(film, loaded_scene.prepare(loaded, mean=mean), kept, paired)
     shutil.rmtree(kept)
     print(textwrap.fill(f"{output}: {paired!r}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
+    if film is not None and seconds is not None:
+        print_film(film, paired, seconds)
     _print_how(paired)
     if paired.measured is not None and paired.unit != "N":
         print(
@@ -96,6 +122,17 @@ def replay(
         print(compare_streams(paired))
     if protocol is not None:
         _print_peaks(paired, protocol.stop_force)
+
+
+def _film(path: Path, replay: Replay, kept: Path, paired: Recording) -> float:
+    """Film the episodes that the replay has kept in a folder; return the length of the film (s)."""
+    from paxisim.scene.cache import EpisodeCache
+    from paxisim.viz.film import film_replay
+
+    cache = EpisodeCache(kept)
+    episodes = [cache.run(replay, number) for number in replay.episodes]
+    with Stages() as stages:
+        return film_replay(path, replay, episodes, paired, lambda share: stages("filming", share))
 
 
 def _print_peaks(rehearsed, stop_force: float) -> None:
