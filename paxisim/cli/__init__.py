@@ -27,6 +27,7 @@ from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.output import PrintableOutput, printable
 from paxisim.cli.pad import pad
+from paxisim.cli.plot import plot
 from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
@@ -48,6 +49,7 @@ VERBS = {
     "info": info,
     "convert": convert,
     "live": live,
+    "plot": plot,
     "calibrate": calibrate,
     "protocol": protocol,
     "replay": replay,

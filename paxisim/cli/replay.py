@@ -7,12 +7,18 @@ import shutil
 import sys
 import textwrap
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from paxisim.cli.output import TERMINAL_COLUMNS, check_output, progress
+from paxisim.cli.plot import print_film
+from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from paxisim.recording import Recording
+    from paxisim.scene.replay import Replay
 
 
 def replay(
@@ -25,6 +31,7 @@ def replay(
     mean: bool = False,
     align_clocks: bool = False,
     jobs: int = 1,
+    film: Path | None = None,
     force: bool = False,
 ) -> None:
     """Replay a recorded motion in MuJoCo and write measured and simulated forces side by side.
@@ -39,6 +46,8 @@ def replay(
     For example:
 
     paxisim replay press.mcap --scene press.toml -o paired.mcap
+
+    paxisim replay press.mcap --scene press.toml -o paired.mcap --film replay.mp4
 
     Args:
         recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a motion (.json).
@@ -56,7 +65,9 @@ def replay(
         align_clocks: First move the driving streams of each episode to the clock of the sensor, if a robot and a sensor
             with clocks of their own were recorded. The latency of the sensor then cannot be determined any more.
         jobs: Number of episodes to simulate in parallel.
-        force: Overwrite the output if it exists.
+        film: Film of the scene beside the pads of both streams, .mp4, .gif or .webp; in real time, for up to 60 s.
+            Without a display, it needs MUJOCO_GL=egl or MUJOCO_GL=osmesa.
+        force: Overwrite the outputs if they exist.
     """
     from dataclasses import replace
 
@@ -70,6 +81,13 @@ def replay(
     if output.suffix.lower() not in (".mcap", ".npz"):
         raise InvalidValueError(f"the output must end in .mcap or .npz, got {output}")
     check_output(output, force)
+    if film is not None:
+        from paxisim.viz.film import check_film
+        from paxisim.viz.film_scene import check_renderer
+
+        check_film(film)
+        check_output(film, force)
+        check_renderer()
     loaded_scene = Scene.load(scene)
     if mode is not None:
         loaded_scene = replace(loaded_scene, mode=mode)
@@ -78,6 +96,11 @@ def replay(
     if protocol is not None and streams:
         raise InvalidValueError("--streams adds to a recording, but the motion of a protocol is complete: leave it out")
     loaded = Recording.load(recording, streams=streams) if protocol is None else protocol.unrecorded(loaded_scene)
+    if film is not None and loaded.measured is not None and loaded.unit != "N":
+        raise InvalidValueError(
+            f"--film shows both streams on one scale, but measured is in {loaded.unit}: convert it with paxisim "
+            "calibrate, or leave --film out"
+        )
     lags = None
     if align_clocks:
         loaded, lags = align(loaded_scene, loaded, progress)
@@ -90,8 +113,11 @@ def replay(
         raise
     progress(f"writing {output}")
     paired.save(output)
+    seconds = None if film is None else _film(film, loaded_scene.prepare(loaded, mean=mean), kept, paired)
     shutil.rmtree(kept)
     print(textwrap.fill(f"{output}: {paired!r}", TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
+    if film is not None and seconds is not None:
+        print_film(film, paired, seconds)
     _print_how(paired)
     if lags is not None:
         moved = ", ".join(f"{lag.episode}: {1e3 * lag.seconds:+.0f}" for lag in lags.lags)
@@ -107,6 +133,17 @@ def replay(
         print(compare_streams(paired))
     if protocol is not None:
         _print_peaks(paired, protocol.stop_force)
+
+
+def _film(path: Path, replay: Replay, kept: Path, paired: Recording) -> float:
+    """Film the episodes that the replay has kept in a folder; return the length of the film (s)."""
+    from paxisim.scene.cache import EpisodeCache
+    from paxisim.viz.film import film_replay
+
+    cache = EpisodeCache(kept)
+    episodes = [cache.run(replay, number) for number in replay.episodes]
+    with Stages() as stages:
+        return film_replay(path, replay, episodes, paired, lambda share: stages("filming", share))
 
 
 def _print_peaks(rehearsed, stop_force: float) -> None:

@@ -34,8 +34,8 @@ class EpisodeCache:
         try:
             with np.load(self._path(replay, number, closings), allow_pickle=False) as kept:
                 about = json.loads(str(kept["about"]))
-                force = np.asarray(kept["force"], dtype=np.float32)
-                return SimulatedEpisode(number, force, tuple(about["closings"]), tuple(about["notes"]))
+                force, qpos = (np.asarray(kept[name], dtype=np.float32) for name in ("force", "qpos"))
+                return SimulatedEpisode(number, force, qpos, tuple(about["closings"]), tuple(about["notes"]))
         except FileNotFoundError:
             return None
         except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
@@ -58,7 +58,7 @@ class EpisodeCache:
         self._folder.mkdir(parents=True, exist_ok=True)
         with whole_file(self._path(replay, episode.number, closings)) as temporary, temporary.open("wb") as file:
             about = json.dumps({"closings": episode.closings, "notes": episode.notes})
-            np.savez_compressed(file, force=episode.force, about=np.array(about))
+            np.savez_compressed(file, force=episode.force, qpos=episode.qpos, about=np.array(about))
 
     def _path(self, replay: Replay, number: int, closings: Sequence[float] | None) -> Path:
         digest = hashlib.sha256(f"{__version__} {mujoco.__version__} ".encode())

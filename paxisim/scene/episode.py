@@ -43,13 +43,18 @@ class Motion:
 
 
 class EpisodeRunner:
-    """Simulates episodes of one rig, one after another."""
+    """Simulates episodes of one rig, one after another.
+
+    Attributes:
+        path: ``(T, nq)`` positions of the model at the times of the last motion that was run.
+    """
 
     def __init__(self, rig: Rig) -> None:
         """Prepare the simulation state and the tactile readout."""
         self._rig, self._model = rig, rig.model
         self._data = mujoco.MjData(rig.model)
         self._readout = TactileReadout(rig.model, rig.pads)
+        self.path = np.zeros((0, rig.model.nq), dtype=np.float32)
 
     def run(
         self, motion: Motion, settle: float, mean: bool, start: NDArray[np.float64] | None = None
@@ -195,6 +200,7 @@ class EpisodeRunner:
         needed[np.minimum(before + 1, steps - 1)[weight.ravel() > 0]] = True
         first_of = np.searchsorted(before, np.arange(steps + 1))
         out = np.zeros((len(where), *self._rig.pads.shape))
+        self.path = np.zeros((len(where), self._model.nq), dtype=np.float32)
         total = np.zeros(self._rig.pads.shape)
         sums = np.zeros_like(out)  # integral of the force up to each sample's time, by the trapezoidal rule
         last = None
@@ -206,6 +212,7 @@ class EpisodeRunner:
             force = self._readout.read_exact(data)
             mine = slice(first_of[k], first_of[k + 1])
             out[mine] += (1 - weight[mine]) * force
+            self.path[mine] = data.qpos
             if k:
                 previous = slice(first_of[k - 1], first_of[k])
                 out[previous] += weight[previous] * force

@@ -39,6 +39,7 @@ class SimulatedEpisode:
         number: Number of the episode.
         force: ``(T, pads, 3, rows, cols)`` forces (N) at the recording's samples of the episode; NaN where the driving
             streams are unknown.
+        qpos: ``(T, nq)`` positions of `Replay.rig.model` at these samples, NaN likewise.
         closings: Constant added to the closing stream in each grasp, in its unit: given to `Replay.run`, or fitted by
             mode ``"fitted"`` or ``"shape"``; empty in the other modes.
         notes: Remarks on the simulation.
@@ -46,6 +47,7 @@ class SimulatedEpisode:
 
     number: int
     force: NDArray[np.float32]
+    qpos: NDArray[np.float32]
     closings: tuple[float, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
@@ -103,13 +105,17 @@ class Replay:
         moving = part[known]
         if self._scene.mode in CLOSING_FITS:
             done = by_grasp(self._follower, moving, closings)
-            return SimulatedEpisode(number, _within(part, known, done.force), done.closings, done.notes)
+            force, qpos = (_within(known, values) for values in (done.force, done.qpos))
+            return SimulatedEpisode(number, force, qpos, done.closings, done.notes)
         force = self._follower.forces(moving)
+        qpos = self._follower.runner.path
         if len(self.rig.free) == 1 and find_doubts(moving, force):
             assert moving.measured is not None
             grasps = find_grasps(moving.time, moving.measured)
-            force = by_grasp(self._follower, moving, [0.0] * len(grasps)).force
-        return SimulatedEpisode(number, _within(part, known, force), notes=self._missed(moving, force))
+            done = by_grasp(self._follower, moving, [0.0] * len(grasps))
+            force, qpos = done.force, done.qpos
+        notes = self._missed(moving, force)
+        return SimulatedEpisode(number, _within(known, force), _within(known, qpos), notes=notes)
 
     def forces(self) -> NDArray[np.float32]:
         """Return the forces ``(T, pads, 3, rows, cols)`` (N) of the streams as they are, NaN where these are unknown.
@@ -268,7 +274,8 @@ class Replay:
         return described
 
 
-def _within(part: Recording, known: NDArray[np.bool_], force: NDArray[np.float32]) -> NDArray[np.float32]:
-    whole = np.full((len(part), *force.shape[1:]), np.nan, dtype=np.float32)
-    whole[known] = force
+def _within(known: NDArray[np.bool_], values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return values of the known samples at all samples, NaN at the others."""
+    whole = np.full((len(known), *values.shape[1:]), np.nan, dtype=np.float32)
+    whole[known] = values
     return whole

@@ -1,1 +1,1 @@
-"""Pictures of the force tensor (matplotlib), and live views of pads (Rerun, MuJoCo's viewer)."""
+"""Pictures and films of the force tensor (matplotlib), and live views of pads (Rerun, MuJoCo's viewer)."""

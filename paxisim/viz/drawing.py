@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.collections import PolyCollection
     from matplotlib.quiver import Quiver
 
-_GREEN, _INK = "#0b8a3a", "#444444"
+GREEN = "#0b8a3a"
+"""Colour of the shear arrows."""
+_INK = "#444444"
 _SHORTEST = 0.02  # arrows shorter than this fraction of a pitch are omitted
 _LETTER, _KEY = 0.09, 1.1  # width in inches of a letter in a title, and of the reference arrow with its text
 
@@ -86,19 +88,36 @@ def beside_key(ax: Axes, layout: TaxelLayout, title: str) -> bool:
 def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: float) -> Quiver:
     pitch = 1e3 * min(layout.pitch)
     thickness = min(0.1 * pitch, 0.025 * 1e3 * max(layout.size))
-    size = np.hypot(*shear)
-    invisible = ~(size > _SHORTEST * top)  # the negation also covers NaN
+    u, v = _visible(shear, top)
     # "xy" measures length and direction in data units, so positive y points down the inverted axis
-    u, v = np.ma.array(shear, mask=[invisible, invisible])
     x, y = 1e3 * layout.positions[:, :2].T
     arrows = ax.quiver(
         *(x, y, u, v),
         **{"angles": "xy", "scale_units": "xy", "scale": top / pitch, "units": "xy", "pivot": "mid"},
         **{"width": thickness, "headwidth": 3.2, "headlength": 3.4, "headaxislength": 3.0, "minlength": 0.0},
-        **{"color": _GREEN, "edgecolor": "white", "linewidth": 0.6, "clip_on": False, "zorder": 3},
+        **{"color": GREEN, "edgecolor": "white", "linewidth": 0.6, "clip_on": False, "zorder": 3},
     )
     arrows.set_in_layout(False)  # constrained layout misjudges the size of the arrows
     return arrows
+
+
+def _visible(shear: NDArray[np.float64], top: float) -> np.ma.MaskedArray:
+    """Return shear ``(2, taxels)`` without what is too small to be seen."""
+    invisible = ~(np.hypot(*shear) > _SHORTEST * top)  # the negation also covers NaN
+    return np.ma.array(shear, mask=[invisible, invisible])
+
+
+def update_pad(drawn: tuple[PolyCollection, Quiver], force: NDArray[np.float64], shear_max: float) -> None:
+    """Change the reading of a pad that is drawn.
+
+    Args:
+        drawn: Return value of `draw_pad`.
+        force: ``(3, rows, cols)`` newtons, pad frame.
+        shear_max: Shear force (N) whose arrow is one pitch long, as when it was drawn.
+    """
+    taxels, arrows = drawn
+    taxels.set_array(np.ma.masked_invalid(force[2].reshape(-1)))
+    arrows.set_UVC(*_visible(force[:2].reshape(2, -1), shear_max))
 
 
 def draw_scales(

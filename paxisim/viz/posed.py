@@ -60,9 +60,10 @@ class PosedRobot:
         """Tell whether the robot is so large that its hands look small."""
         if not len(self.triangles):
             return False
-        return float(np.ptp(self.triangles, axis=(0, 1)).max()) / 2 > _SMALL * max(map(self._reach, hands))
+        return float(np.ptp(self.triangles, axis=(0, 1)).max()) / 2 > _SMALL * max(map(self.reach, hands))
 
-    def _reach(self, hand: list[int]) -> float:
+    def reach(self, hand: list[int]) -> float:
+        """Return the distance (m) from the middle of a hand's pads to the edge of what a picture of it shows."""
         middle = self.middle[hand]
         return float(np.linalg.norm(middle - middle.mean(axis=0), axis=1).max()) + _AROUND + self.length / 2
 
@@ -74,12 +75,12 @@ class PosedRobot:
 
     def draw_hand(self, ax: Any, hand: list[int]) -> None:
         """Draw one hand from the side from which most of its pads can be seen, with their numbers."""
-        view = self._best_view(hand)
+        view = self.best_view(hand)
         whole = self._everything(view)
         middle = self.middle[hand] @ view[:2].T
         center, half, triangles = *whole, self.triangles
         if self.is_large([hand]):
-            center, half = middle.mean(axis=0), self._reach(hand)
+            center, half = middle.mean(axis=0), self.reach(hand)
             triangles = self._near(self.middle[hand].mean(axis=0), 2 * half)
         self._show(ax, render(triangles, view, center, 1.15 * half, _PIXELS))
         for pad in hand:
@@ -114,7 +115,7 @@ class PosedRobot:
         title = textwrap.fill(f"{pad + 1} {self.pads.names[pad]}", _TITLE)
         ax.set_title(title, fontsize=8, color=_RED, parse_math=False)
 
-    def _best_view(self, hand: list[int]) -> NDArray[np.float64]:
+    def best_view(self, hand: list[int]) -> NDArray[np.float64]:
         """Return the view, from a little above, from which the pads of a hand are seen best."""
         views = [_view(np.radians(20), np.radians(azimuth)) for azimuth in range(-60, 300, 15)]
         views += [_view(np.radians(60), np.radians(azimuth)) for azimuth in range(-60, 300, 30)]
