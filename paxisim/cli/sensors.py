@@ -22,7 +22,7 @@ def sensors(*, sources: bool = False) -> None:
     simulated = {profile for product in known_sensors() for profile in product.profiles}
     others = ", ".join(name for name in known_profiles() if name not in simulated)
     print(textwrap.fill(f"Profiles of other parts, to drive only: {others}", 78, break_on_hyphens=False))
-    print("For the parts that a profile drives and who tried it, run: paxisim device profiles")
+    print("For the part that a profile drives, and who tried it: paxisim device profiles")
     if not sources:
         print("For the source of each figure, run: paxisim sensors --sources")
         return

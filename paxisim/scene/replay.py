@@ -126,7 +126,7 @@ class Replay:
         parts = []
         for part in self._recording.episodes():
             known = self._follower.known(part)
-            parts.append(_within(part, known, self._follower.forces(part[known])))
+            parts.append(_within(known, self._follower.forces(part[known])))
         return np.concatenate(parts)
 
     def pose(self, sample: int) -> NDArray[np.float64]:
