@@ -68,9 +68,8 @@ def test_it_maps_over_its_streams_and_parameters(name):
         assert_close(together[i], run(at(values, i)))
 
 
-@pytest.mark.parametrize(
-    "name", [n if n == "Chain" else pytest.param(n, marks=pytest.mark.slow) for n in sorted(KINDS)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(KINDS))
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:torch")
 def test_it_compiles_in_one_graph(name):
     x, series = torch_inputs(name, BATCH)

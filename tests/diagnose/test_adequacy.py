@@ -63,7 +63,9 @@ def test_a_line_with_a_phase_for_each_taxel_and_repeated_frames_are_seen():
     assert any("repeat" in text for text in said(given))
 
 
-@pytest.mark.parametrize(("name", "strength"), [("creep", 0.8), ("saturation", 0.6)])
+@pytest.mark.parametrize(
+    ("name", "strength"), [("creep", 0.8), pytest.param("saturation", 0.6, marks=pytest.mark.slow)]
+)
 def test_a_true_cause_may_have_a_form_that_is_not_quite_the_sensors(name, strength):
     given = small(name, seed=6, strength=strength)
     assert said(problem_of(given))
