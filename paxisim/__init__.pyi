@@ -83,6 +83,7 @@ from .scene.clocks import align_clocks as align_clocks
 from .scene.drive import Drive as Drive
 from .scene.drive import ObjectStart as ObjectStart
 from .scene.parameters import SceneParameter as SceneParameter
+from .scene.placing import place_objects as place_objects
 from .scene.ranges import SceneDraw as SceneDraw
 from .scene.ranges import SceneRanges as SceneRanges
 from .scene.ranges import SceneVariation as SceneVariation

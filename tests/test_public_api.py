@@ -19,9 +19,9 @@ PUBLIC = """
     UnverifiedProfileWarning __version__ align_clocks attach augment calibrate_readout calibrate_sensor
     compare_streams compose_scene conform diagnose encoding find_mounts find_pads find_presses finger_surface flat
     heights_from_map known_grippers known_profiles known_protocols known_sensors load_profile measure_quality
-    mounts_for nominal_operator open_sensor plot_calibration plot_mounts plot_pads plot_presses plot_quality
-    plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor sensor_modules set_surface
-    skin_distance squeeze view warp
+    mounts_for nominal_operator open_sensor place_objects plot_calibration plot_mounts plot_pads plot_presses
+    plot_quality plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor
+    sensor_modules set_surface skin_distance squeeze view warp
 """
 AUGMENT = """
     AxisCoupling AxisGain CentreOfPressure Chain ChannelCurve CovariateField Creep Crosstalk DeadBand DeadTaxels

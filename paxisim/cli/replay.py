@@ -30,6 +30,7 @@ def replay(
     mode: Literal["auto", "kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
     align_clocks: bool = False,
+    place_objects: bool = False,
     jobs: int = 1,
     film: Path | None = None,
     force: bool = False,
@@ -64,17 +65,21 @@ def replay(
         mean: Simulate the mean force since the previous sample, as a sensor that averages measures it.
         align_clocks: First move the driving streams of each episode to the clock of the sensor, if a robot and a sensor
             with clocks of their own were recorded. The latency of the sensor then cannot be determined any more.
+        place_objects: First find where the free object stands in each grasp, from how its force is distributed over the
+            taxels. Each grasp becomes an episode.
         jobs: Number of episodes to simulate in parallel.
         film: Film of the scene beside the pads of both streams, .mp4, .gif or .webp; in real time, for up to 60 s.
             Without a display, it needs MUJOCO_GL=egl or MUJOCO_GL=osmesa.
         force: Overwrite the outputs if they exist.
     """
     from dataclasses import replace
+    from math import degrees
 
     from paxisim.protocols.protocol import Protocol
     from paxisim.recording import Recording
     from paxisim.scene.agreement import compare_streams
     from paxisim.scene.clocks import align_clocks as align
+    from paxisim.scene.placing import place_objects as place
     from paxisim.scene.resume import simulate_resumable
     from paxisim.scene.scene import Scene
 
@@ -104,6 +109,9 @@ def replay(
     lags = None
     if align_clocks:
         loaded, lags = align(loaded_scene, loaded, progress)
+    places = ()
+    if place_objects:
+        loaded_scene, loaded, places = place(loaded_scene, loaded, progress)
     kept = output.with_name(f".{output.name}.episodes")
     try:
         paired = simulate_resumable(loaded_scene, loaded, kept, mean=mean, jobs=jobs, progress=_say)
@@ -123,6 +131,10 @@ def replay(
         moved = ", ".join(f"{lag.episode}: {1e3 * lag.seconds:+.0f}" for lag in lags.lags)
         said = f"Streams delayed to the clock of the sensor, by episode (ms): {moved}"
         print(textwrap.fill(said, TERMINAL_COLUMNS, subsequent_indent="  "))
+    for item in places:
+        said = f"{1e3 * item.shift:+.2f} mm, {degrees(item.turn):+.2f} deg"
+        unlike = f"distribution of the force off by {item.before:.0%}, now {item.after:.0%}"
+        print(f"  grasp {item.episode} placed by {said}: {unlike}")
     if paired.measured is not None and paired.unit != "N":
         print(
             f"measured is in {paired.unit}, so it is not compared with the simulated newtons: convert it with "

@@ -151,8 +151,7 @@ def align_clocks(
 
     if recording.measured is None or recording.unit != "N":
         raise InvalidValueError("aligning the clocks needs measured forces in newtons")
-    if scene.mode in (*CLOSING_FITS, "auto"):  # no closing can be fitted to a force of another time
-        scene = replace(scene, mode="kinematic")
+    scene = plain_motion(scene)
     total: dict[int, float] = {}
     aligned, first = recording, Lags(())
     for count in range(_PASSES):
@@ -172,6 +171,11 @@ def align_clocks(
         if all(abs(lag.seconds) < 2 * lag.error for lag in lags.lags):
             break
     return aligned, first
+
+
+def plain_motion(scene: Scene) -> Scene:
+    """Return the scene in a mode that follows the streams as they are, without fitting a closing to the forces."""
+    return replace(scene, mode="kinematic") if scene.mode in (*CLOSING_FITS, "auto") else scene
 
 
 def _moved(recording: Recording, scene: Scene, offsets: Mapping[int, float]) -> Recording:

@@ -137,6 +137,11 @@ class EpisodeRunner:
         data.qvel[dof : dof + 6] = 0.0
         return self.state()
 
+    def into_first_pad(self, motion: Motion, time: float) -> NDArray[np.float64]:
+        """Return the direction ``(3,)`` into the first pad at a time, in the world frame."""
+        data = self._placed(motion, time)
+        return data.xmat[self._rig.pads.bodies[0]].reshape(3, 3)[:, 2].copy()
+
     def _pad_pose(self, motion: Motion, time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return position and quaternion of the first pad at a time, with all that no stream moves at its start."""
         data, pad = self._placed(motion, time), self._rig.pads.bodies[0]

@@ -67,9 +67,15 @@ class Follower:
         shifts: Mapping[Drive, float] = MappingProxyType({}),
         time: NDArray[np.float64] | None = None,
         start: NDArray[np.float64] | None = None,
+        objects: tuple[tuple[int, NDArray[np.float64]], ...] | None = None,
     ) -> NDArray[np.float32]:
-        """Return the forces of an episode, or of the part of it at `time`, which continues from the state `start`."""
-        force = self.runner.run(self.motion(part, shifts, time), self.scene.settle, self._mean, start)
+        """Return the forces of an episode, or of the part of it at `time`, which continues from the state `start`.
+
+        `objects` are start poses in place of the scene's, see `Motion`.
+        """
+        motion = self.motion(part, shifts, time)
+        motion = motion if objects is None else replace(motion, objects=objects)
+        force = self.runner.run(motion, self.scene.settle, self._mean, start)
         pads, rows, cols = force.shape[1], *self._taxels
         return force.reshape(len(force), pads, 3, rows, self._pool[0], cols, self._pool[1]).sum(axis=(4, 6))
 
