@@ -17,7 +17,7 @@ def home(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("home")
     os.environ |= {"HF_HOME": str(folder), "HF_HUB_OFFLINE": "1"}
-    for kind in ("robots/so_follower", "robots/so101_paxini", "teleoperators/so_leader"):
+    for kind in ("robots/so_follower", "teleoperators/so_leader"):
         save_calibration(folder / "lerobot/calibration" / kind / "tests.json")
 
 
@@ -49,7 +49,7 @@ def record(tmp_path, arms):
             push_to_hub=False,
         )
         leader = SO101LeaderConfig(port=arms[1], id="tests")
-        lerobot_record.record(lerobot_record.RecordConfig(dataset, robot, teleop=leader, play_sounds=False))
+        lerobot_record.record(lerobot_record.RecordConfig(robot=robot, dataset=dataset, teleop=leader, play_sounds=False))
         return tmp_path / "set"
 
     return run
