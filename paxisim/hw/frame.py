@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.logs.schemas import in_error
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -21,7 +23,7 @@ class Frame:
         arrival: Time at which the last byte was read (s, the host's monotonic clock).
         sequence: Number of the reading, from 0; a gap is the number of dropped readings.
         status: One error byte per pad, as the board reports it; 0 means no error, and neither does
-            `paxisim.logs.schemas.NO_TAXELS`.
+            `paxisim.logs.schemas.NO_TAXELS`. See `pads_in_error`.
         resultant: ``(pads, 3)`` float32 newtons, the total force that the board reports, which on real sensors is not
             the sum of the taxels; None if the board reports none.
         unit: Unit of `force`: ``"N"``, or ``"uT"`` (microtesla) or ``"counts"`` if the sensor does not measure force.
@@ -37,3 +39,8 @@ class Frame:
     resultant: NDArray[np.float32] | None = None
     unit: str = "N"
     time_error: float = 0.0
+
+    @property
+    def pads_in_error(self) -> list[int]:
+        """Indices of the pads whose status marks their readings as invalid."""
+        return in_error(self.status)

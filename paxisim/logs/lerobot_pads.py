@@ -4,7 +4,8 @@
 |---|---|
 | array with "tactile" in its name | a pad, or several if one of its axes is ``pads`` |
 | vector with components named ``PREFIX.fK.pNN.fx`` (``fy``, ``fz``) | for each finger K a pad ``PREFIX.fK``, with its \
-points in the order of their numbers; its other components are covariates |
+points in the order of their numbers; its other components are covariates. ``bx`` in place of ``fx`` is a field in \
+microtesla, and ``cx`` is in counts |
 
 The axes of an array come from the first of these that states them:
 
@@ -43,7 +44,8 @@ _SYNONYMS = {
     "taxels": "taxel taxels point points",
 }
 _NAMES = {name: word for word, names in _SYNONYMS.items() for name in names.split()}
-_TAXEL = re.compile(r"(?:(.+)\.)?f(\d{1,9})\.p(\d{1,9})\.f([xyz])")
+_UNITS = {"f": "N", "b": "uT", "c": "counts"}
+_TAXEL = re.compile(r"(?:(.+)\.)?f(\d{1,9})\.p(\d{1,9})\.([fbc])([xyz])")
 
 
 @dataclass(frozen=True)
@@ -156,32 +158,32 @@ def pads_of_components(meta: Meta, features: Mapping[str, NDArray[Any]], layout:
     Raises:
         InvalidValueError: A component of a point is missing or there twice.
     """
-    fingers: dict[tuple[str, int], dict[tuple[int, str], NDArray[Any]]] = {}
+    fingers: dict[tuple[str, int, str], dict[tuple[int, str], NDArray[Any]]] = {}
     for feature, values in features.items():
         for name, column in meta.components(feature, values).items():
             if taxel := _taxel(meta, feature, name):
-                prefix, finger, point, axis = taxel.groups("")
-                points = fingers.setdefault((prefix, int(finger)), {})
+                prefix, finger, point, letter, axis = taxel.groups("")
+                points = fingers.setdefault((prefix, int(finger), letter), {})
                 if (int(point), axis) in points:
                     raise InvalidValueError(f"{meta.path}: two components of its features are named {name}")
                 points[int(point), axis] = column
     found = []
-    for prefix, finger in sorted(fingers):
+    for prefix, finger, letter in sorted(fingers):
         pad = f"{prefix}.f{finger}".removeprefix(".")
-        points = _points(meta, pad, fingers[prefix, finger])
-        found.append(Pads(pad, "measured", (pad,), on_grid(tensor_of(points, ("taxels", "xyz")), layout)))
+        tensor = tensor_of(_points(meta, pad, fingers[prefix, finger, letter], letter), ("taxels", "xyz"))
+        found.append(Pads(pad, "measured", (pad,), on_grid(tensor, layout), _UNITS[letter]))
     return found
 
 
-def _points(meta: Meta, pad: str, points: Mapping[tuple[int, str], NDArray[Any]]) -> NDArray[Any]:
+def _points(meta: Meta, pad: str, points: Mapping[tuple[int, str], NDArray[Any]], letter: str) -> NDArray[Any]:
     """Return ``(T, N * 3)`` values of the points of a finger, given by number and axis."""
     last = max(points)[0]
     wanted = [(point, axis) for point in range(min(last, len(points)) + 1) for axis in "xyz"]
     for point, axis in wanted:
         if (point, axis) not in points:
             raise InvalidValueError(
-                f"{meta.path} has no component {pad}.p{point:02d}.f{axis}: expected fx, fy and fz of every point from "
-                f"p00 to p{last:02d}, the last one"
+                f"{meta.path} has no component {pad}.p{point:02d}.{letter}{axis}: expected {letter}x, {letter}y and "
+                f"{letter}z of every point from p00 to p{last:02d}, the last one"
             )
     return np.stack([points[at] for at in wanted], axis=1)
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
-from paxisim.logs.schemas import in_error
 from paxisim.viz.live_scene import Moment, largest
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def _readings(sensor: TactileSensor) -> Iterator[Moment]:
     frame = sensor.latest(wait)  # skip the frames that arrived while the viewer started
     while True:
         force = frame.force
-        if wrong := in_error(frame.status):
+        if wrong := frame.pads_in_error:
             force = force.copy()
             force[wrong] = np.nan  # as in a recording
         yield Moment(frame.time, measured=force)

@@ -20,7 +20,6 @@ from paxisim.hw.frame import Frame
 from paxisim.hw.link.clock import Clock
 from paxisim.hw.link.recognise import who_answers
 from paxisim.hw.link.sample_time import SampleClock
-from paxisim.logs.schemas import in_error
 
 READ_TIMEOUT = 0.5
 """Maximum time (s) for one reading; a silent board delays commands and `Reader.close` by as much."""
@@ -328,7 +327,7 @@ class Reader:
                 self._miss(fault)
                 if self._clock.monotonic() - self._heard >= RESTART_AFTER:
                     raise
-        good = [frame for frame in frames if not in_error(frame.status)]
+        good = [frame for frame in frames if not frame.pads_in_error]
         if not good:
             raise DeviceError(
                 f"{self.port} reported an error with each frame, so none can serve as zero: {frames[-1].status}"
