@@ -6,6 +6,7 @@ import contextlib
 import time
 
 import numpy as np
+
 from paxisim import Calibration, DeviceError, DeviceTimeoutError, Frame, Profile, TactileSensor, open_sensor
 
 MAX_AGE = 0.1

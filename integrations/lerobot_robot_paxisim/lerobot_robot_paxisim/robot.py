@@ -11,9 +11,9 @@ import draccus
 from lerobot.processor import RobotAction, RobotObservation
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
 from lerobot.utils.decorators import check_if_already_connected
-from paxisim import Calibration, InvalidValueError, load_profile
 
 from lerobot_robot_paxisim.pads import Pads
+from paxisim import Calibration, InvalidValueError, load_profile
 
 
 @dataclass

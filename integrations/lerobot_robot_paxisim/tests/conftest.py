@@ -49,7 +49,9 @@ def record(tmp_path, arms):
             push_to_hub=False,
         )
         leader = SO101LeaderConfig(port=arms[1], id="tests")
-        lerobot_record.record(lerobot_record.RecordConfig(robot=robot, dataset=dataset, teleop=leader, play_sounds=False))
+        lerobot_record.record(
+            lerobot_record.RecordConfig(robot=robot, dataset=dataset, teleop=leader, play_sounds=False)
+        )
         return tmp_path / "set"
 
     return run

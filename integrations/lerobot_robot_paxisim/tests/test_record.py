@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from paxisim import (
     DeviceError,
     DeviceTimeoutError,
@@ -119,7 +120,9 @@ def test_two_sensors_of_the_same_name():
 
     arm, tips = {"type": "so101_follower", "port": "/dev/none"}, {"port": "/dev/none", "profile": FAST}
     inner = {"type": "paxisim", "robot": arm, "sensors": {"tips": tips}}
-    with pytest.raises(InvalidValueError, match="the robot already observes tips.f0.p00.fx: give the sensor another"):
+    with pytest.raises(
+        InvalidValueError, match=r"the robot already observes tips\.f0\.p00\.fx: give the sensor another"
+    ):
         PaxisimRobot(PaxisimRobotConfig(robot=inner, sensors={"tips": PaxisimSensorConfig(**tips)}))
 
 
@@ -160,6 +163,15 @@ def opened(beside):
             robot.disconnect()
 
 
+def observe_for_ever(robot):
+    """Read observations, each of which must be new."""
+    changed, last = time.monotonic(), None
+    while True:
+        last, before = robot.get_observation(), last
+        changed = time.monotonic() if last != before else changed
+        assert time.monotonic() - changed < 0.3
+
+
 def test_a_board_that_falls_silent_gives_no_old_reading(opened):
     silence = threading.Event()
     signal = signal_of(FAST, steps=1000, seconds=0.01)
@@ -172,13 +184,9 @@ def test_a_board_that_falls_silent_gives_no_old_reading(opened):
     with Emulator(FAST, until_silent) as board:
         robot = opened(board)
         silence.set()
-        began = changed = time.monotonic()
-        last = None
+        began = time.monotonic()
         with pytest.raises(DeviceTimeoutError, match=r"no frame from .* within 1 s"):
-            while True:
-                last, before = robot.get_observation(), last
-                changed = time.monotonic() if last != before else changed
-                assert time.monotonic() - changed < 0.3
+            observe_for_ever(robot)
         assert time.monotonic() - began < 3
         silence.clear()
 
