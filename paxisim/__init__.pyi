@@ -28,6 +28,7 @@ from .hw.commissioning.quality import measure_quality as measure_quality
 from .hw.device import TactileSensor as TactileSensor
 from .hw.device import open_sensor as open_sensor
 from .hw.emulation.emulator import Emulator as Emulator
+from .hw.emulation.faults import Faults as Faults
 from .hw.frame import Frame as Frame
 from .hw.profiles.load import known_profiles as known_profiles
 from .hw.profiles.load import load_profile as load_profile

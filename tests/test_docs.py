@@ -110,7 +110,9 @@ def test_the_page_on_the_architecture_names_every_part():
     there = {
         path.relative_to(ROOT).as_posix()
         for path in parts
-        if (path / "__init__.py").exists() or (path.suffix == ".py" and not path.name.startswith("_"))
+        if (path / "__init__.py").exists()
+        or (path / path.name / "__init__.py").exists()  # a distribution of its own
+        or (path.suffix == ".py" and not path.name.startswith("_"))
     }
     assert named == there
 

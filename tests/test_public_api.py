@@ -10,7 +10,7 @@ import pytest
 import paxisim
 
 PUBLIC = """
-    Agreement Calibration Chain ComposedScene DeviceError DeviceTimeoutError Drive Emulator FoundMounts Frame GCS
+    Agreement Calibration Chain ComposedScene DeviceError DeviceTimeoutError Drive Emulator Faults FoundMounts Frame GCS
     GaussianBump Gel GelMemory Grip History InvalidValueError Layer MagneticPad MagneticSensor MagneticSkin
     MissingExtraError Mount ObjectStart OutputExistsError Pad PadParameters Pads PaxisimError PortAccessError
     PortNotFoundError Presses Profile Protocol ProtocolError RayCluster LinearCalibration Recording Scene SceneDraw

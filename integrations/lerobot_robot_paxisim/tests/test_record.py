@@ -14,13 +14,13 @@ from paxisim import (
     DeviceError,
     DeviceTimeoutError,
     Emulator,
+    Faults,
     InvalidValueError,
     PortNotFoundError,
     Recording,
     load_profile,
     open_sensor,
 )
-from paxisim.hw.emulation.faults import Faults
 
 PROFILES = ("gen2-box-120", "gen3-highspeed", "gen1-stream", "anyskin", "xela-uspa44")
 FAST = "gen3-highspeed-mc-m2020"
