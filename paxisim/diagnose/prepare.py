@@ -12,6 +12,7 @@ from paxisim.logs.recording_arrays import episode_spans, episode_starts
 from paxisim.logs.stopped import stopped_in_words
 from paxisim.presses import find_presses
 from paxisim.recording import Recording
+from paxisim.scene.modes import start_streams
 
 MIN_SECONDS = 2.0
 FEW_SECONDS = 20.0
@@ -97,8 +98,9 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         known &= finite
     if not known.any():
         raise InvalidValueError("measured and simulated do not overlap in time: no sample has both")
+    starts = start_streams(recording)  # poses at the start of episodes, which nothing follows
     covariates = {}
-    for name, values in recording.covariates.items():
+    for name, values in ((name, v) for name, v in recording.covariates.items() if name not in starts):
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if not finite[known].all():
             warnings.append(

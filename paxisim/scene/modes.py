@@ -79,6 +79,13 @@ def hidden_by_replay(recording: Recording) -> dict[str, str]:
     return {str(name): f"{why}" for name, why in hidden.items()} if isinstance(hidden, Mapping) else {}
 
 
+def start_streams(recording: Recording) -> frozenset[str]:
+    """Return the streams that the replay of a recording used only to place objects at the start of each episode."""
+    replay = recording.metadata.get("replay")
+    starts = replay.get("starts") if isinstance(replay, Mapping) else None
+    return frozenset(map(str, starts)) if isinstance(starts, list) else frozenset()
+
+
 def checked(mode: str) -> Mode:
     """Check the name of a mode and return it.
 

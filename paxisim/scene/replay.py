@@ -263,6 +263,7 @@ class Replay:
             "version": __version__,
             "mode": scene.mode,
             "mean": self._mean,
+            "starts": [start.stream for start in scene.start if start.stream],
             "not_testable": dict(mode.not_testable),
             "encoder_steps": {d.source: step for d, step in self._follower.resolution.items() if step},
             "toml": format_scene(scene, "scene.xml"),

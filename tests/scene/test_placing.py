@@ -11,6 +11,7 @@ import paxisim
 from paxisim import InvalidValueError, ObjectStart, Recording
 from paxisim.augment import AxisGain, Chain, Latency
 from paxisim.cli import main
+from paxisim.diagnose.prepare import prepare
 
 SHIFT, TURN = 6e-4, np.radians(0.7)  # along x, into the first pad is -x
 STOOD = ObjectStart("box", (SHIFT, 0, 0.02), (np.cos(TURN / 2), 0, 0, np.sin(TURN / 2)))
@@ -65,6 +66,7 @@ def test_the_shell_places_and_a_box_in_its_place_stays_there(scene, aside, carri
     )
     paired = Recording.load("paired.mcap")
     assert error(paired) < 0.4 * error(scene.simulate(aside))
+    assert "box_start[0]" not in prepare(paired)[0].covariates, "nothing follows a pose at the start"
     again = paxisim.Scene.from_recording(paired).simulate(paired)
     np.testing.assert_allclose(again.simulated, paired.simulated, atol=1e-3)
     there = paxisim.place_objects(scene, carried)[2]
