@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -173,5 +174,5 @@ def _least(function: Callable[[float], float], most: float) -> tuple[float, floa
     values = [function(at) for at in grid]
     best = int(np.argmin(values))
     ends = grid[max(best - 1, 0)], grid[min(best + 1, _COARSE - 1)]
-    found = minimize_scalar(function, bounds=ends, method="bounded", options={"maxiter": _REFINED})
+    found: Any = minimize_scalar(function, bounds=ends, method="bounded", options={"maxiter": _REFINED})
     return (float(found.x), float(found.fun)) if found.fun < values[best] else (grid[best], values[best])
