@@ -92,16 +92,3 @@ def test_rounding_that_is_a_cause_is_no_noise():
     assert told.noise_floor <= 1.02 * told.nrmse_after
     assert told.noise_floor > 0.8 * told.nrmse_after
     assert told.nrmse_after < told.nrmse_before
-
-
-@pytest.mark.slow
-def test_the_thresholds_of_paxinis_firmware_are_a_dead_band_with_a_floor_of_the_shear():
-    firmware = augment.Firmware(shear_floor_counts=2.0)
-    noise = np.random.default_rng(0)
-    recording = plain(lambda force, time: firmware(force + 0.02 * noise.standard_normal(force.shape)), noise=0.0)
-    found = diagnosed(recording, ("dead_band", "axis_gain", "offset", "latency"))
-    (cause,) = found.causes
-    fitted = {item.name: item.value.value for item in cause.parameters}
-    assert fitted["width"] == pytest.approx(0.15, abs=0.02)  # 2 counts of 0.1 N, rounded
-    assert fitted["shear_floor"] == pytest.approx(0.2, abs=0.04)
-    assert found.heldout.nrmse_after < 0.8 * found.heldout.nrmse_before

@@ -25,18 +25,14 @@ AT_PEAK_MEANING = "0 if the sensor reads changes of force correctly, 1 if it rea
 DEAD_BAND = Cause(
     "dead_band",
     80,
-    lambda v, p: augment.DeadBand(v[0], v[1], v[2], v[3]),
+    lambda v, p: augment.DeadBand(v[0], v[1], v[2]),
     "light",
     lambda p: (
         Free("width", "N", 0.0, 0.0, 1.0, 0.05, _least(p)),
         Free("shrink", "1", 0.0, 0.0, 1.0, 0.3, words="share of the width that larger forces lose"),
         Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1, words="share of the width over which the reading sets in"),
-        Free("shear_floor", "N", 0.0, 0.0, 1.0, 0.1, words="smallest shear of a loaded taxel"),
     ),
-    lambda p: [
-        *((width, shrink, 0.2, 0.0) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)),
-        *((0.75 * floor, 0.0, 0.2, floor) for floor in (0.1, 0.2)),
-    ],
+    lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
     gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK_MEANING, by_axis=True),
     misfit=0.01,
     barred=bent_apart,
