@@ -67,6 +67,21 @@ def test_points_on_a_grid(tmp_path):
     refused(path, "layout has 4x4 taxels, the tensors have 1x12", layout=TaxelLayout(4, 4, (1e-3, 1e-3)))
 
 
+@pytest.mark.parametrize(("letter", "unit", "other"), [("f", "N", "b"), ("b", "uT", "c"), ("c", "counts", "f")])
+def test_the_unit_of_points(tmp_path, letter, unit, other):
+    """Names as the plugin for LeRobot gives them to sensors that do not measure force."""
+    names, others = ([f"skin.{pad}.p00.{of}{axis}" for axis in "xyz"] for pad, of in (("f0", letter), ("f1", other)))
+    state, description = state_of(names)
+    found = Recording.load(dataset(tmp_path / "set", {"observation.state": (state, description)}))
+    assert (found.pads, found.unit) == (("skin.f0",), unit)
+    np.testing.assert_array_equal(found.measured[:, 0, :, 0, 0], state)
+    path = dataset(tmp_path / "gap", {"observation.state": state_of(names[:-1])})
+    refused(path, f"no component skin.f0.p00.{letter}z: expected {letter}x, {letter}y and {letter}z of every point")
+    refused(dataset(tmp_path / "units", {"observation.state": state_of(names + others)}), "have different units")
+    both = [*names, *(name.replace("f1", "f0") for name in others)]
+    refused(dataset(tmp_path / "both", {"observation.state": state_of(both)}), "skin.f0")
+
+
 def test_points_with_gaps(tmp_path):
     whole = columns({0: 3, 1: 3}, "a.")
     for i, (names, word) in enumerate(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import draccus
@@ -69,7 +68,9 @@ class PaxisimRobot(Robot):
         """
         super().__init__(config)
         self.config = config
-        self.robot = make_robot_from_config(draccus.decode(RobotConfig, config.robot))
+        # draccus documents decode, but does not declare it as exported
+        other = draccus.decode(RobotConfig, config.robot)  # pyright: ignore[reportPrivateImportUsage]
+        self.robot = make_robot_from_config(other)
         self._pads = {prefix: _pads(prefix, sensor) for prefix, sensor in config.sensors.items()}
         names = [name for pads in self._pads.values() for name in pads.names]
         both = [name for name in names if name in self.robot.observation_features]
@@ -82,7 +83,7 @@ class PaxisimRobot(Robot):
         """Cameras of the other robot."""
         return getattr(self.robot, "cameras", {})
 
-    @cached_property
+    @property
     def observation_features(self) -> dict[str, Any]:
         """Features of the other robot, then those of the sensors in the order of the configuration."""
         return {**self.robot.observation_features, **self._tactile}

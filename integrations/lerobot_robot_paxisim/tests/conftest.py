@@ -17,7 +17,7 @@ def home(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("home")
     os.environ |= {"HF_HOME": str(folder), "HF_HUB_OFFLINE": "1"}
-    for kind in ("robots/so_follower", "teleoperators/so_leader"):
+    for kind in ("robots/so_follower", "robots/so101_paxini", "teleoperators/so_leader"):
         save_calibration(folder / "lerobot/calibration" / kind / "tests.json")
 
 

@@ -18,6 +18,7 @@ from paxisim import (
     InvalidValueError,
     PortNotFoundError,
     Recording,
+    calibrate_sensor,
     load_profile,
     open_sensor,
 )
@@ -35,10 +36,10 @@ def signal_of(profile, steps=1, seconds=0.25):
     return lambda now: tensors[int(now / seconds) % steps]
 
 
-def of_driver(board, steps=1):
+def of_driver(board, steps=1, calibration=None):
     """Return the different tensors that paxisim's driver reads from a board."""
     found = []
-    with open_sensor(board.port, board.profile) as sensor:
+    with open_sensor(board.port, board.profile, calibration=calibration) as sensor:
         while len(found) < steps:
             force = sensor.read().force
             found += [] if any(np.array_equal(force, old) for old in found) else [force]
@@ -94,6 +95,23 @@ def test_the_recorded_tensor_is_that_of_the_driver(record, beside, profile):
     found = Recording.load(folder, layout=chosen.layout)
     np.testing.assert_array_equal(found.measured, np.broadcast_to(force, (20, *force.shape)))
     assert (found.unit, found.layout) == (chosen.unit, chosen.layout)
+
+
+def test_a_calibrated_sensor_is_recorded_in_newtons(tmp_path, record, beside):
+    rng = np.random.default_rng(0)
+    time = np.arange(800) / 80
+    load = 5 * np.sin(time) ** 2
+    fields = load[:, None] * rng.normal(size=15) * 20 + rng.normal(size=(800, 15))
+    fields = fields.reshape(-1, 1, 3, 1, 5).astype(np.float32)
+    rig = Recording(time, fields, covariates={"Fz": load}, metadata={"unit": "uT"})
+    calibration = calibrate_sensor(rig, {"Fz": "Fz"})
+    calibration.save(tmp_path / "skin.json")
+    with Emulator("anyskin", signal_of("anyskin")) as board:
+        (force,) = of_driver(board, calibration=calibration)
+        options = {"port": board.port, "profile": "anyskin", "calibration": str(tmp_path / "skin.json")}
+        found = Recording.load(record(beside(skin=options)))
+    np.testing.assert_array_equal(found.measured, np.broadcast_to(force, (20, *force.shape)))
+    assert found.unit == "N"
 
 
 def test_pads_zeroed_when_they_are_connected(record, beside):
