@@ -7,9 +7,12 @@ from .augment.encodings import encoding as encoding
 from .augment.gcs import GCS as GCS
 from .augment.history import History as History
 from .bump import GaussianBump as GaussianBump
+from .calibrate.background import Background as Background
+from .calibrate.background import BackgroundRangeWarning as BackgroundRangeWarning
 from .calibrate.calibration import Calibration as Calibration
 from .calibrate.calibration import calibrate_sensor as calibrate_sensor
 from .calibrate.fit import calibrate_readout as calibrate_readout
+from .calibrate.fit_background import fit_background as fit_background
 from .calibrate.linear import LinearCalibration as LinearCalibration
 from .cluster import RayCluster as RayCluster
 from .errors import DeviceError as DeviceError
@@ -92,6 +95,7 @@ from .scene.scene import Scene as Scene
 from .sensors import Sensor as Sensor
 from .sensors import known_sensors as known_sensors
 from .sensors import sensor as sensor
+from .viz.background import plot_background as plot_background
 from .viz.calibration import plot_calibration as plot_calibration
 from .viz.calibration import plot_presses as plot_presses
 from .viz.mounts import plot_mounts as plot_mounts

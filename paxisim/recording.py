@@ -82,6 +82,12 @@ class Recording:
         ends = np.append(starts[1:], len(self)) - 1
         return float(np.sum(self.time[ends] - self.time[starts]))
 
+    @property
+    def elapsed(self) -> NDArray[np.float64]:
+        """``(T,)`` seconds since the first sample; an episode whose clock restarts follows the one before."""
+        steps = np.diff(self.time, prepend=self.time[0])
+        return np.cumsum(np.where(steps < 0, 1 / self.rate if np.isfinite(self.rate) else 0.0, steps))
+
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time)

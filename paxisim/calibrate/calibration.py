@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from paxisim.calibrate.background import Background
 from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import Kind, LoadModel, fit_load_model
@@ -30,14 +31,46 @@ class Calibration(DocumentFile):
         readout: Estimate of the load from each channel separately.
         model: Estimate of the load from all channels together.
         profile: Name of the profile that the sensor was recorded with; empty if the recording does not contain it.
+        background: Background that is subtracted from the channels first; None without one.
     """
 
     readout: LinearCalibration
     model: LoadModel
     profile: str = ""
+    background: Background | None = None
 
     FORMAT = "paxisim-calibration/1"
-    ENTRIES = ("profile", "readout", "model")
+    ENTRIES = ("profile", "readout", "model", "background")
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the covariates that the background depends on."""
+        return () if self.background is None else self.background.covariates
+
+    @property
+    def unit(self) -> str:
+        """Unit of the converted frames: newtons."""
+        return "N"
+
+    def read(
+        self, channels: NDArray[np.floating], covariates: Mapping[str, ArrayLike]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        """Convert the channels of one moment, after subtraction of the background if there is one.
+
+        Args:
+            channels: ``(pads, 3, rows, cols)`` channels.
+            covariates: Present values of `covariates`.
+
+        Returns:
+            The results of `to_force` and `total_force`.
+
+        Raises:
+            UnknownNameError: A covariate is missing.
+            InvalidValueError: A covariate has another number of values.
+        """
+        if self.background is not None:
+            channels, _ = self.background.read(channels, covariates)
+        return self.to_force(channels), self.total_force(channels)
 
     def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
         """Convert ``(..., pads, 3, rows, cols)`` channels to newtons; see `LinearCalibration.to_force`."""
@@ -88,19 +121,25 @@ class Calibration(DocumentFile):
 
     def _entries(self) -> dict[str, Any]:
         parts = {"readout": asdict(self.readout), "model": asdict(self.model)}
-        return {"profile": self.profile, **{name: finite(_as_lists(part)) for name, part in parts.items()}}
+        return {
+            "profile": self.profile,
+            **{name: finite(_as_lists(part)) for name, part in parts.items()},
+            "background": None if self.background is None else self.background.to_document(),
+        }
 
     @classmethod
     def _from_entries(cls, entries: dict[str, Any]) -> Calibration:
-        return cls(_readout(entries["readout"]), _model(entries["model"]), str(entries["profile"]))
+        held = entries.get("background")  # files of older versions have none
+        background = None if held is None else Background.from_document(held)
+        return cls(_readout(entries["readout"]), _model(entries["model"]), str(entries["profile"]), background)
 
     def __repr__(self) -> str:
         """One-line summary."""
         return f"Calibration({self.readout!r}, {self.model!r})"
 
     def __str__(self) -> str:
-        """Tables of the readout and the load model."""
-        return f"{self.readout}\n\n{self.model}"
+        """Tables of the background, the readout and the load model."""
+        return "\n\n".join(str(part) for part in (self.background, self.readout, self.model) if part is not None)
 
 
 def calibrate_sensor(
@@ -110,6 +149,7 @@ def calibrate_sensor(
     degree: int = 1,
     kind: Kind = "best",
     max_delay: float = 0.5,
+    background: Background | None = None,
 ) -> Calibration:
     """Calibrate a sensor against a load cell: each channel separately, and all channels together.
 
@@ -120,14 +160,17 @@ def calibrate_sensor(
         kind: How the load depends on all channels: ``"linear"``, ``"quadratic"``, or ``"best"`` for the one with the
             lower held-out error, see `fit_load_model`.
         max_delay: Largest delay between loads and channels to search (s).
+        background: Background to subtract first, from `fit_background`; it becomes part of the calibration.
 
     Raises:
         UnknownNameError: A covariate or component is missing.
-        InvalidValueError: See `calibrate_readout` and `fit_load_model`.
+        InvalidValueError: See `calibrate_readout`, `fit_load_model` and `Background.apply`.
     """
+    if background is not None:
+        recording = background.apply(recording)
     readout = calibrate_readout(recording, loads, degree=degree, max_delay=max_delay)
     model = fit_load_model(recording, readout, kind=kind)
-    return Calibration(readout, model, str(recording.metadata.get("profile", "")))
+    return Calibration(readout, model, str(recording.metadata.get("profile", "")), background)
 
 
 def _as_lists(value: Any) -> Any:

@@ -9,7 +9,8 @@ from typing import Annotated
 
 import tyro
 
-from paxisim.cli.output import check_output, load_calibration
+from paxisim.cli.calibrated import load_calibration
+from paxisim.cli.output import check_output
 from paxisim.errors import DeviceError, InvalidValueError
 
 _ROUNDING = 1e-6  # s
@@ -23,6 +24,7 @@ def live(
     vmax: float | None = None,
     fps: float = 200.0,
     calibration: Path | None = None,
+    covariates: str | None = None,
     force: bool = False,
 ) -> None:
     """Show a sensor, a recording or a MuJoCo scene in Rerun's viewer.
@@ -46,7 +48,9 @@ def live(
         vmax: Normal force shown as full red, in N or the sensor's unit.
             Default: the maximum of the recording or, of a live source, of the last seconds.
         fps: Maximum number of readings drawn per second, in real time.
-        calibration: Calibration file of `paxisim calibrate`, for a sensor that does not measure newtons.
+        calibration: Calibration or background of `paxisim calibrate`, for a sensor that does not measure newtons.
+        covariates: Python function that returns the present values on which the background depends, by name, such as
+            {"opening": 0.04}, as module:function.
         force: Overwrite the output file if it exists.
     """
     from paxisim.files import whole_file
@@ -68,7 +72,9 @@ def live(
     real_time = save is None or not ends
     failure = None
     with contextlib.ExitStack() as stack:
-        opened = stack.enter_context(open_source(source, profile, real_time, load_calibration(calibration)))
+        opened = stack.enter_context(
+            open_source(source, profile, real_time, *load_calibration(calibration, covariates))
+        )
         view = stack.enter_context(
             LiveView(
                 opened.layouts,

@@ -6,13 +6,10 @@ import io
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
 from paxisim.errors import InvalidValueError, OutputExistsError
 from paxisim.files import whole_file
-
-if TYPE_CHECKING:
-    from paxisim.calibrate.calibration import Calibration
 
 TERMINAL_COLUMNS = 80  # columns of a terminal
 
@@ -142,12 +139,3 @@ def png(figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=150, bbox_inches="tight")
     return buffer.getvalue()
-
-
-def load_calibration(path: Path | None) -> Calibration | None:
-    """Load the calibration that ``--calibration`` names, if any."""
-    if path is None:
-        return None
-    from paxisim.calibrate.calibration import Calibration
-
-    return Calibration.load(path)

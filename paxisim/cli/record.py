@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output, load_calibration, printable, size_text
+from paxisim.cli.calibrated import load_calibration
+from paxisim.cli.output import check_output, printable, size_text
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.hw.capture.extra_streams import ENTER_KEY, MAX_CLOCK_OFF
 
@@ -28,6 +29,7 @@ def record(
     seconds: float | None = None,
     reconnect: float = 10.0,
     calibration: Path | None = None,
+    covariates: str | None = None,
     csv: Annotated[Literal["-"] | None, tyro.conf.arg(metavar="-")] = None,
     udp: tyro.conf.UseAppendAction[tuple[int, ...]] = (),
     stream: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
@@ -50,7 +52,9 @@ def record(
         output: Output file; default: paxisim-DATE-TIME.mcap.
         seconds: Duration in seconds; default: until Ctrl-C.
         reconnect: Seconds to wait for a port that has disappeared.
-        calibration: Calibration file of `paxisim calibrate`, for a sensor that does not measure newtons.
+        calibration: Calibration or background of `paxisim calibrate`, for a sensor that does not measure newtons.
+        covariates: Python function that returns the present values on which the background depends, by name, such as
+            {"opening": 0.04}, as module:function.
         csv: With '-', also record numbers from standard input: a line of column names, then one line per sample.
             A column 'time' holds Unix seconds. Without it, samples get their time of arrival, so flush each line.
         udp: UDP port on 127.0.0.1; record the JSON objects of numbers that arrive there, such as {"gripper": 0.04}.
@@ -74,8 +78,10 @@ def record(
         for source in _sources(csv is not None, udp, stream):
             open_things.callback(source.close)
             extra.append(source)
-        model = load_calibration(calibration)
-        sensor = open_things.enter_context(open_sensor(port, profile, reconnect=reconnect, calibration=model))
+        model, values = load_calibration(calibration, covariates)
+        sensor = open_things.enter_context(
+            open_sensor(port, profile, reconnect=reconnect, calibration=model, covariates=values)
+        )
         pads = f"{len(sensor.pads)} pad{'s' * (len(sensor.pads) > 1)} of {sensor.layout.rows}x{sensor.layout.cols}"
         screen = _Screen()
         summary = capture(sensor, path, extra=extra, seconds=seconds, overwrite=force, on_status=screen.show)
@@ -109,8 +115,6 @@ def _sources(csv: bool, udp: tuple[int, ...], stream: tuple[str, ...]):
         yield EnterKey()
     for port in udp:
         yield UdpJson(port)
-    if stream and "" not in sys.path:
-        sys.path.insert(0, "")  # find the user's module in the current folder, also from the installed command
     for text in stream:
         yield load_function(text)
 

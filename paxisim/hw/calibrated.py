@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 
 class SensorCalibration(Protocol):
-    """Converts the frames of a sensor that does not measure force to newtons; `paxisim.Calibration` is one."""
+    """Converts the frames of a sensor that does not measure force.
+
+    `paxisim.Calibration` gives newtons, and `paxisim.Background` the sensor's unit without the field of the robot.
+    """
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the covariates whose present values `read` needs."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Unit of the converted frames."""
+        ...
 
     def check(self, shape: tuple[int, ...], unit: str) -> None:
         """Check that the calibration fits frames of this shape, ``(pads, 3, rows, cols)``, and unit.
@@ -19,10 +33,12 @@ class SensorCalibration(Protocol):
         """
         ...
 
-    def to_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Convert ``(pads, 3, rows, cols)`` channels to newtons, each channel on its own."""
-        ...
+    def read(
+        self, channels: NDArray[np.floating], covariates: Mapping[str, ArrayLike]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        """Convert ``(pads, 3, rows, cols)`` channels.
 
-    def total_force(self, channels: NDArray[np.floating]) -> NDArray[np.float32] | None:
-        """Return the total force of each pad, ``(pads, 3)`` newtons; None if the calibration does not give it."""
+        Returns:
+            The converted channels, and the total force of each pad, ``(pads, 3)`` newtons, or None if it is unknown.
+        """
         ...

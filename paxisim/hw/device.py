@@ -6,8 +6,10 @@ import os
 import threading
 import warnings
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import TracebackType
+
+from numpy.typing import ArrayLike
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.calibrated import SensorCalibration
@@ -34,6 +36,7 @@ def open_sensor(
     queue: int = 256,
     reconnect: float = 10.0,
     calibration: SensorCalibration | None = None,
+    covariates: Callable[[], Mapping[str, ArrayLike]] | None = None,
     clock: Clock | None = None,
 ) -> TactileSensor:
     """Open a sensor and start reading it.
@@ -52,7 +55,11 @@ def open_sensor(
         queue: Number of frames kept for a slow caller; older frames are dropped and counted.
         reconnect: Time (s) for which the driver tries to reopen a lost port before reading fails; 0: not at all.
         calibration: Converts readings other than force to newtons, e.g. ``paxisim.Calibration.load(path)``. Frames are
-            then in newtons, and the resultant of a single pad is the force estimated from all channels together.
+            then in newtons, and the resultant of a single pad is the force estimated from all channels together. A
+            `paxisim.Background` subtracts the field of the robot and leaves the unit.
+        covariates: Function that returns the present values of the covariates of a background, such as
+            ``{"opening": 0.04}``. It is called with every frame, from the thread that reads, so it should return the
+            latest values that it has and not wait for new ones. If it fails, so does the next `read`.
         clock: Clock; default: the system clock.
 
     Raises:
@@ -61,8 +68,8 @@ def open_sensor(
         DeviceTimeoutError: The board does not answer.
         ProtocolError: The board speaks another family's protocol, or has another number of taxels.
         UnknownNameError: There is no such profile.
-        InvalidValueError: No port, a duplicate port, a queue of less than one frame, a negative time, or a calibration
-            of another sensor.
+        InvalidValueError: No port, a duplicate port, a queue of less than one frame, a negative time, a calibration of
+            another sensor, or a background without `covariates`.
         MissingExtraError: pyserial is not installed.
 
     Warns:
@@ -81,7 +88,12 @@ def open_sensor(
         if len(ports) > 1:
             raise InvalidValueError(f"a calibration applies to the sensor on one port, got {len(ports)} ports")
         calibration.check((len(profile.slots), *profile.layout.shape), profile.unit)
-    return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock(), calibration)
+        if calibration.covariates and covariates is None:
+            raise InvalidValueError(
+                f"the calibration subtracts a background that depends on {', '.join(calibration.covariates)}: expected "
+                "covariates, a function that returns their present values"
+            )
+    return TactileSensor(ports, profile, queue, reconnect, clock or SystemClock(), calibration, covariates)
 
 
 class TactileSensor:
@@ -103,7 +115,7 @@ class TactileSensor:
 
     Attributes:
         profile: Profile that says which part it is and how its bytes become the tensor.
-        calibration: Calibration to newtons of a sensor that measures something else; None without one.
+        calibration: Calibration or background of a sensor that does not measure force; None without one.
         ports: Names of the ports.
         pads: Names of the pads, in the order of the tensor's first axis: those of the profile's slots. With several
             ports, the number of the port is appended: ``left0, right0, left1, right1``.
@@ -117,6 +129,7 @@ class TactileSensor:
         reconnect: float,
         clock: Clock,
         calibration: SensorCalibration | None = None,
+        covariates: Callable[[], Mapping[str, ArrayLike]] | None = None,
     ) -> None:
         """Open the ports and start reading; use `open_sensor`, which checks its arguments."""
         self.ports, self.profile, self.calibration = ports, profile, calibration
@@ -129,7 +142,14 @@ class TactileSensor:
         self._has_warned = False
         self._readers = [
             Reader(
-                port, _connector(port, profile, clock), self._sink(i), self._queue.fail, reconnect, clock, calibration
+                port,
+                _connector(port, profile, clock),
+                self._sink(i),
+                self._queue.fail,
+                reconnect,
+                clock,
+                calibration,
+                covariates,
             )
             for i, port in enumerate(ports)
         ]
@@ -146,8 +166,8 @@ class TactileSensor:
 
     @property
     def unit(self) -> str:
-        """Unit of the frames: the profile's, or newtons if the sensor is calibrated."""
-        return self.profile.unit if self.calibration is None else "N"
+        """Unit of the frames: the profile's, or the calibration's."""
+        return self.profile.unit if self.calibration is None else self.calibration.unit
 
     @property
     def layout(self) -> TaxelLayout:

@@ -65,7 +65,7 @@ def plot_calibration(readout: LinearCalibration, recording: Recording) -> Figure
     title = f"{readout.used.sum()} channels from {names}, delay {1e3 * readout.delay:.1f} ms"
     figure.suptitle(title, fontsize="large", parse_math=False)
     upper, middle, lower = figure.subfigures(3, 1, height_ratios=[4.6, 2.4, 4.4], squeeze=False).ravel()
-    elapsed = _elapsed(recording[known])
+    elapsed = recording[known].elapsed
     _draw_presses(upper.subplots(2, 1, sharex=True), find_presses(elapsed, values[known]))
     _draw_errors(middle.add_subplot(), readout)
     applied = readout.apply(recording)
@@ -90,12 +90,6 @@ def new_figure(purpose: str, size: tuple[float, float]) -> Figure:
     except ImportError as error:
         raise MissingExtraError("matplotlib", "viz", purpose) from error
     return Figure(figsize=size, layout="constrained")
-
-
-def _elapsed(recording: Recording) -> NDArray[np.float64]:
-    """Return ``(T,)`` seconds since the first sample; an episode whose clock restarts follows the one before."""
-    steps = np.diff(recording.time, prepend=recording.time[0])
-    return np.cumsum(np.where(steps < 0, 1 / recording.rate if np.isfinite(recording.rate) else 0.0, steps))
 
 
 def _draw_presses(axes: NDArray[np.object_], presses: Presses) -> None:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.viz.live_scene import Moment, largest
 
 if TYPE_CHECKING:
-    from paxisim.calibrate.calibration import Calibration
+    from paxisim.hw.calibrated import SensorCalibration
     from paxisim.hw.device import TactileSensor
 
 RECORDINGS = (".mcap", ".npz", ".csv")
@@ -52,7 +53,11 @@ class Source:
 
 @contextmanager
 def open_source(
-    source: str, profile: str | None, real_time: bool, calibration: Calibration | None = None
+    source: str,
+    profile: str | None,
+    real_time: bool,
+    calibration: SensorCalibration | None = None,
+    covariates: Callable[[], Mapping[str, ArrayLike]] | None = None,
 ) -> Iterator[Source]:
     """Open a source; it is closed when the context ends.
 
@@ -61,6 +66,7 @@ def open_source(
         profile: Profile of the sensor; required for a port and not allowed otherwise.
         real_time: Whether a recording or a scene plays in real time; otherwise as fast as possible.
         calibration: Calibration of the sensor; allowed for a port only.
+        covariates: Function that returns the values on which the calibration depends.
 
     Raises:
         InvalidValueError: A profile is missing, a profile or calibration is not allowed, or the file does not match
@@ -87,7 +93,9 @@ def open_source(
     else:
         from paxisim.hw.device import open_sensor
 
-        with open_sensor(source, profile, reconnect=_RECONNECT, calibration=calibration) as sensor:
+        with open_sensor(
+            source, profile, reconnect=_RECONNECT, calibration=calibration, covariates=covariates
+        ) as sensor:
             layouts = (sensor.layout,) * len(sensor.pads)
             yield Source(layouts, sensor.pads, ("measured",), _readings(sensor), ends=False, unit=sensor.unit)
 

@@ -46,6 +46,9 @@ def plot_residuals(calibration: Calibration, recording: Recording) -> Figure:
     if recording.measured is None:
         raise InvalidValueError("the errors of a calibration need the measured tensor, but the recording has none")
     calibration.check(recording.measured.shape[1:], recording.unit)
+    if calibration.background is not None and "background" not in recording.metadata:
+        recording = calibration.background.apply(recording)
+    assert recording.measured is not None
     loads = calibration.model.loads
     values = values_of(recording, loads)
     known = np.isfinite(values).all(axis=1) & np.isfinite(recording.measured[:, calibration.model.used]).all(axis=1)

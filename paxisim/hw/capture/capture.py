@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, InvalidValueError
 from paxisim.hw.capture.end_signals import end_signals
@@ -155,7 +155,7 @@ def capture(
         "profile": sensor.profile.name,
         "profile_verified": sensor.profile.verified,
         "unit": sensor.unit,
-        **({} if sensor.calibration is None else {"calibrated_from": sensor.profile.unit}),
+        **_calibrated(sensor),
         "ports": sensor.ports,
     }
     writer = LogWriter(path, metadata, flush_interval=FLUSH_SECONDS, overwrite=overwrite)
@@ -167,6 +167,18 @@ def capture(
             return recorder.run(seconds, stop, on_status)
     finally:
         recorder.close()
+
+
+def _calibrated(sensor: TactileSensor) -> dict[str, Any]:
+    """Return the metadata of a sensor that is calibrated or whose background is subtracted."""
+    if sensor.calibration is None:
+        return {}
+    found: dict[str, Any] = {}
+    if sensor.unit != sensor.profile.unit:
+        found["calibrated_from"] = sensor.profile.unit
+    if sensor.calibration.covariates:
+        found["background"] = list(sensor.calibration.covariates)
+    return found
 
 
 class _Recorder:

@@ -304,20 +304,36 @@ def load_function(text: str) -> PolledFunction:
     Raises:
         InvalidValueError: The text has another form, there is no such function, or the module cannot be imported.
     """
-    import importlib
-
     place, _, rate = text.rpartition("@")
     module, _, name = place.partition(":")
     hertz = _parsed(rate)
     if not (module and name and hertz is not None):
         raise InvalidValueError(f"a stream must be given as module:function@HZ, e.g. robot:opening@50, got {text!r}")
+    return PolledFunction(import_function(module, name, f"--stream {text}"), hertz, name)
+
+
+def import_function(module: str, name: str, option: str) -> Callable[[], Any]:
+    """Import a user's function, also from a module in the current folder.
+
+    Args:
+        module: Name of the module.
+        name: Name of the function.
+        option: Option of the command line that names it, for messages.
+
+    Raises:
+        InvalidValueError: There is no such function, or the module cannot be imported.
+    """
+    import importlib
+
+    if "" not in sys.path:
+        sys.path.insert(0, "")  # the installed command does not look in the current folder
     try:
         function = getattr(importlib.import_module(module), name, None)
     except Exception as error:  # the user's module may raise anything
-        raise InvalidValueError(f"cannot import {module!r} of --stream {text}: {_reason(error)}") from error
+        raise InvalidValueError(f"cannot import {module!r} of {option}: {_reason(error)}") from error
     if not callable(function):
-        raise InvalidValueError(f"module {module!r} has no function {name!r}, as requested by --stream {text}")
-    return PolledFunction(function, hertz, name)
+        raise InvalidValueError(f"module {module!r} has no function {name!r}, as requested by {option}")
+    return function
 
 
 def _lines(descriptor: int, stop: threading.Event) -> Iterator[bytes]:

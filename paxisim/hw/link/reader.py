@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from paxisim.errors import DeviceError, DeviceTimeoutError, PortNotFoundError, ProtocolError, UnsupportedError
 from paxisim.hw.calibrated import SensorCalibration
@@ -64,6 +64,7 @@ class Reader:
         reconnect: float,
         clock: Clock,
         calibration: SensorCalibration | None = None,
+        covariates: Callable[[], Mapping[str, ArrayLike]] | None = None,
     ) -> None:
         """Store the arguments; no I/O.
 
@@ -74,7 +75,8 @@ class Reader:
             fail: Called once with the error that ends the thread.
             reconnect: Time (s) for which to try to reopen a lost port.
             clock: Clock.
-            calibration: Converts what the board measures to newtons.
+            calibration: Converts what the board measures.
+            covariates: Returns the present values that the calibration needs; called from the thread with every frame.
         """
         self.port = port
         self.timeouts = self.reconnects = 0
@@ -82,6 +84,7 @@ class Reader:
         self.zero_in_doubt = False
         self._connect, self._deliver, self._fail = connect, deliver, fail
         self._reconnect, self._clock, self._calibration = reconnect, clock, calibration
+        self._covariates = covariates
         self._board: Board | None = None
         self._gone_bad_checksums = self._gone_skipped = self._gone_lost = 0
         self._sample_clock = SampleClock()
@@ -220,8 +223,9 @@ class Reader:
         resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
         unit = board.profile.unit
         if self._calibration is not None:
-            resultant = self._calibration.total_force(force)
-            force, unit = self._calibration.to_force(force), "N"
+            values = {} if self._covariates is None else self._covariates()
+            force, resultant = self._calibration.read(force, values)
+            unit = self._calibration.unit
         time = self._sample_clock.estimate(reading.time, reading.behind)
         error = self._time_error(reading)
         raw = Frame(force, time, reading.time, self._sequence, reading.status, resultant, unit, error)
