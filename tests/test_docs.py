@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -222,6 +223,36 @@ def test_the_page_on_calibration_runs_as_printed(tmp_path, monkeypatch, capsys):
         assert main([*words, "--seconds", "0.5"]) == 0
     assert (scope["frame"].unit, scope["frame"].resultant.shape) == ("N", (1, 3))
     assert paxisim.Recording.load("newtons.mcap").unit == "N"
+
+
+@pytest.mark.real_time
+@pytest.mark.filterwarnings("ignore::paxisim.UnverifiedProfileWarning")
+def test_the_page_on_the_background_runs_as_printed(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("termios")  # for the emulator
+    field_rig = pytest.importorskip("field_rig", reason="needs magpylib", exc_type=ImportError)
+    monkeypatch.chdir(tmp_path)
+    page = DOCS / "guides" / "background.md"
+    field_rig.moving(0).save("free.mcap")
+    press = field_rig.moving(1)
+    load = 8 * abs(press.time % 4 - 2)
+    measured = press.measured + 20 * load.reshape(-1, 1, 1, 1, 1)
+    replace(press, measured=measured, covariates={**press.covariates, "cell": load}).save("press.mcap")
+    for line in commands(page, "paxisim calibrate"):
+        assert main(line.split()[1:]) == 0
+    ((_, printed),) = blocks(page, "text")
+    numbers = r"\d[\d.]*"
+    said, expected = (re.sub(numbers, "#", text) for text in (capsys.readouterr().out, printed))
+    assert expected in said
+    ((_, live),) = blocks(page, "python")
+    scope: dict = {}
+    here = field_rig.field([0.04], [[0.0, 0.1]])[0] + 100
+    Path("my_robot.py").write_text("def state():\n    return {'opening': 0.04, 'wrist': [0.0, 0.1]}\n")
+    with paxisim.Emulator("anyskin", lambda now: here) as emulator:
+        run(page, live.replace("/dev/ttyACM0", emulator.port), scope)
+        record = commands(page, "paxisim record")[1].replace("/dev/ttyACM0", emulator.port)
+        assert main([*record.split()[1:], "--seconds", "0.5", "--force"]) == 0
+    assert abs(scope["frame"].force).max() < 1
+    assert paxisim.Recording.load("less.mcap").metadata["background"] == ["opening", "wrist"]
 
 
 @pytest.mark.real_time

@@ -280,8 +280,8 @@ def _warn(data: _Data, names: tuple[str, ...], fit: _Fit, ridge: float, left: Ar
     if np.quantile(size, 0.99) > TOUCHED * np.median(size):
         when = data.time[size.argmax()]
         warnings.warn(
-            f"a few samples are far from the background, most at {when:.1f} s: something touched the sensor, or the motion "
-            "is too short and passes there only once",
+            f"a few samples are far from the background, most at {when:.1f} s: something touched the sensor, or the "
+            "motion is too short and passes there only once",
             UserWarning,
             stacklevel=3,
         )
