@@ -3,8 +3,8 @@
 Each robot is a public hand on a lift, or a public arm with its gripper. Its actuators follow set-points: close, lift,
 shake, lower, slide along the table, open, and grasp again a little further. The recording has what such a robot
 reports: the position of each axis in steps of its encoder, and the opening of the gripper. It does not report where the
-box is; its pose at the start of an episode is drawn. The truth has another time step, other contact settings and four
-times as many taxels as the scene.
+box is; its pose at the start of an episode is drawn. The truth has another time step and other contact settings, and
+its pads have nine cubes for each taxel, where the owner's have four.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import paxisim
 
 SENSOR = paxisim.TaxelLayout(4, 3, (4e-3, 4e-3))
-FINE = paxisim.TaxelLayout(8, 6, (2e-3, 2e-3))
+TRUE, OWNED = 3, 2  # cubes along each side of a taxel, in the true pads and in the owner's
 GEL = paxisim.Gel(modulus=1e6)
 BOX = "box:30x30x60mm:0.2kg"
 RATE = 50  # Hz
@@ -118,9 +118,9 @@ class Truth:
 
 
 def scene_model(
-    robot: Robot, hands: Path, layout: paxisim.TaxelLayout, mounts: Sequence[paxisim.Mount] | None = None
+    robot: Robot, hands: Path, cubes: int, mounts: Sequence[paxisim.Mount] | None = None
 ) -> paxisim.TactileGripper:
-    """Return the robot with table, box and pads, as its owner composes it."""
+    """Return the robot with table, box and pads, as its owner composes it, with some cubes along each taxel."""
     x, y, z = robot.middle
     composed = paxisim.compose_scene(
         hands / robot.arm if robot.arm else LIFT,
@@ -129,7 +129,7 @@ def scene_model(
         table=(x, y, z - ABOVE),
         objects=[f"{BOX}@{x},{y},{z - ABOVE + 0.03}"],
     )
-    return paxisim.attach(composed.spec, paxisim.Pad(layout, gel=GEL), mounts)
+    return paxisim.attach(composed.spec, paxisim.Pad(SENSOR.subdivide(cubes, cubes), gel=GEL), mounts)
 
 
 def record(
@@ -164,7 +164,7 @@ def record(
 
 class _World:
     def __init__(self, robot: Robot, hands: Path, mounts: Sequence[paxisim.Mount], truth: Truth) -> None:
-        tactile = scene_model(robot, hands, FINE, (_shifted(mounts[0], truth.offset), *mounts[1:]))
+        tactile = scene_model(robot, hands, TRUE, (_shifted(mounts[0], truth.offset), *mounts[1:]))
         option = tactile.spec.option
         option.timestep, option.impratio, option.iterations = TIMESTEP, 20, 60
         self._robot, self._model = robot, tactile.compile()
@@ -211,7 +211,7 @@ class _World:
             mujoco.mj_step(model, data)
             if k % round(1 / RATE / TIMESTEP) == 0:
                 fine = self._readout.read(data)
-                forces.append(fine.reshape(2, 3, SENSOR.rows, 2, SENSOR.cols, 2).sum(axis=(3, 5)))
+                forces.append(SENSOR.subdivide(TRUE, TRUE).pool_force(fine, TRUE, TRUE))
                 apart = np.diff(data.xpos[self._pads.bodies], axis=0)[0]
                 width = abs(apart @ data.xmat[self._pads.bodies[0]].reshape(3, 3)[:, 2])
                 axes = step * np.round(data.qpos[self._axes] / step)

@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from harness import Outcome, add_options, diagnosed, print_costs, print_rate, run
-from robot_world import GEL, ROBOTS, SENSOR, Truth, record, scene_model
+from robot_world import GEL, OWNED, ROBOTS, Truth, record, scene_model
 
 import paxisim
 from paxisim.augment import AxisGain, Creep, Latency
@@ -67,7 +67,7 @@ def hidden(kind: str, rng: np.random.Generator) -> tuple[Truth, tuple[str, ...]]
 @cache
 def owned(menagerie: Path, name: str) -> tuple[str, tuple[paxisim.Mount, ...]]:
     """Return the owner's model of a robot as MJCF text, and the mounts that `attach` found."""
-    tactile = scene_model(ROBOTS[name], menagerie, SENSOR)
+    tactile = scene_model(ROBOTS[name], menagerie, OWNED)
     return tactile.to_xml(), tactile.mounts
 
 

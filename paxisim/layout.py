@@ -193,6 +193,25 @@ class TaxelLayout:
 
         return TaxelLayout(out_rows, out_cols, pitch, mean(self.positions), mean(self.normals))
 
+    def subdivide(self, rows: int, cols: int) -> TaxelLayout:
+        """Return the finer grid in which each taxel is a block of `rows` x `cols` taxels, the inverse of `pool`.
+
+        An object's edge that lies within a pad is where a simulated taxel ends. A finer pad places it better; replay
+        sums its taxels to those of the recording.
+
+        Args:
+            rows: Number of taxels along y for each taxel.
+            cols: Number of taxels along x for each taxel.
+
+        Raises:
+            InvalidValueError: A number is below 1, or the layout is not a flat grid.
+        """
+        if rows < 1 or cols < 1:
+            raise InvalidValueError(f"cannot divide a taxel into {rows}x{cols} taxels")
+        if not self.is_grid:
+            raise InvalidValueError("only the taxels of a flat grid can be subdivided")
+        return TaxelLayout(self.rows * rows, self.cols * cols, (self.pitch[0] / rows, self.pitch[1] / cols))
+
     def pool_force(self, force: Any, rows: int, cols: int) -> Any:
         """Sum a reading over blocks of `rows` x `cols` taxels; the total force is conserved.
 

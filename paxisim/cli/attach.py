@@ -157,8 +157,14 @@ def _modules(
     import paxisim
 
     pairs = {name: body for name, _, body in (pair.partition("=") for pair in link)}
-    if mounts or (taxels.rows, taxels.cols, taxels.pitch_mm) != (None, None, None) or taxels.pool != 1:
-        raise InvalidValueError("--xacro says where the taxels are: expected no --mount, grid or --pool with it")
+    if (
+        mounts
+        or (taxels.rows, taxels.cols, taxels.pitch_mm) != (None, None, None)
+        or ((taxels.pool, taxels.subdivide) != (1, 1))
+    ):
+        raise InvalidValueError(
+            "--xacro says where the taxels are: expected no --mount, grid, --pool or --subdivide with it"
+        )
     if not all(pairs.values()):
         raise InvalidValueError(f"--link must be LINK=BODY, got {' '.join(link)!r}")
     modules = paxisim.sensor_modules(gripper, xacro, pairs)

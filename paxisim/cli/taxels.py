@@ -19,6 +19,9 @@ class Taxels:
     """Name of a product in `paxisim sensors`, such as paxini-gen1-l4629."""
     pool: int = 1
     """Merge blocks of POOL x POOL taxels; 2 turns the paper's 12x10 taxels into its 6x5."""
+    subdivide: int = 1
+    """Divide each taxel of a grid into SUBDIVIDE x SUBDIVIDE cubes, for a scene to replay: objects' edges within a pad
+    are then placed better, and replay sums the cubes to the taxels of the recording."""
     rows: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
     """Number of rows of a grid, along y of the pad."""
     cols: Annotated[int | None, tyro.conf.arg(metavar="INT")] = None
@@ -44,7 +47,9 @@ class Taxels:
             raise InvalidValueError("a grid needs all of --rows, --cols and --pitch-mm")
         else:
             layout = TaxelLayout(self.rows, self.cols, _pitch(self.pitch_mm))
-        return layout if self.pool == 1 else layout.pool(self.pool, self.pool)
+        if self.pool != 1:
+            layout = layout.pool(self.pool, self.pool)
+        return layout if self.subdivide == 1 else layout.subdivide(self.subdivide, self.subdivide)
 
     @property
     def mass(self) -> float | None:

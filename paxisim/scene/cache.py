@@ -17,6 +17,8 @@ from paxisim.scene.replay import Replay, SimulatedEpisode
 
 _NAME = re.compile(r"[0-9a-f]{32}\.npz|\.[0-9a-f]{32}\.npz\.[0-9a-f]{8}")  # also of a file that was being written
 
+_ARRAYS = ("force", "qpos", "pressed")
+
 
 class EpisodeCache:
     """A folder of simulated episodes, which several programs can share.
@@ -34,8 +36,10 @@ class EpisodeCache:
         try:
             with np.load(self._path(replay, number, closings), allow_pickle=False) as kept:
                 about = json.loads(str(kept["about"]))
-                force, qpos = (np.asarray(kept[name], dtype=np.float32) for name in ("force", "qpos"))
-                return SimulatedEpisode(number, force, qpos, tuple(about["closings"]), tuple(about["notes"]))
+                arrays = [np.asarray(kept[name], dtype=np.float32) for name in _ARRAYS]
+                force, qpos, pressed = arrays
+                closed, notes = tuple(about["closings"]), tuple(about["notes"])
+                return SimulatedEpisode(number, force, qpos, pressed, closed, notes)
         except FileNotFoundError:
             return None
         except Exception:  # zipfile and numpy raise many kinds of errors for a damaged file
@@ -58,7 +62,8 @@ class EpisodeCache:
         self._folder.mkdir(parents=True, exist_ok=True)
         with whole_file(self._path(replay, episode.number, closings)) as temporary, temporary.open("wb") as file:
             about = json.dumps({"closings": episode.closings, "notes": episode.notes})
-            np.savez_compressed(file, force=episode.force, qpos=episode.qpos, about=np.array(about))
+            arrays = {name: getattr(episode, name) for name in _ARRAYS}
+            np.savez_compressed(file, **arrays, about=np.array(about))
 
     def _path(self, replay: Replay, number: int, closings: Sequence[float] | None) -> Path:
         digest = hashlib.sha256(f"{__version__} {mujoco.__version__} ".encode())

@@ -4,6 +4,9 @@ Once an object has slipped out of the simulated fingers, their forces say nothin
 forces of each pad are compared within each grasp. What is marked here is more than a sensor's gain, latency, drift or
 noise: for a while, one stream reads a large part of its peak while the other reads next to nothing, or their ratio
 leaves that of the rest of the grasp by a factor of three.
+
+A hand that presses what it holds on a table or pushes it along is in doubt meanwhile: how the force is shared between
+pads and table depends on micrometres, which no encoder reports.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from paxisim.scene.closing import pad_normal, total_normal
 _LASTS = 0.2  # s; longer than a sensor's latency and than the contact itself takes to begin
 _LARGE, _NOTHING = 0.3, 0.05  # shares of a stream's peak in the grasp
 _RUNS_AWAY = 3.0  # factor by which the ratio of the streams leaves its median over the grasp
+_PRESSED = 0.05  # force of the surroundings beyond the object's weight, as a share of the grasp's peak normal force
 
 
 @dataclass(frozen=True)
@@ -57,12 +61,18 @@ def find_grasps(time: NDArray[np.float64], measured: NDArray[np.float32]) -> tup
     return tuple(slice(a, b) for a, b in pairwise((0, *cuts, len(time))))
 
 
-def find_doubts(part: Recording, simulated: NDArray[np.float32]) -> list[Doubt]:
-    """Return the doubtful spans of an episode, each from where the streams part to the end of the grasp.
+def find_doubts(
+    part: Recording, simulated: NDArray[np.float32], pressed: NDArray[np.float32] | None = None
+) -> list[Doubt]:
+    """Return the doubtful spans of an episode.
+
+    Where streams part, the span lasts to the end of the grasp; where the object is pressed on something, to the moment
+    at which a sensor with a delay has noticed the end.
 
     Args:
         part: The episode; without measured forces in newtons, there is nothing to doubt.
         simulated: ``(T, pads, 3, rows, cols)`` simulated forces (N), NaN where unknown.
+        pressed: ``(T,)`` force (N) beyond its weight with which the surroundings push an object in the hand.
     """
     if part.measured is None or part.unit != "N":
         return []
@@ -76,11 +86,30 @@ def find_doubts(part: Recording, simulated: NDArray[np.float32]) -> list[Doubt]:
             parting = _parting(time[span], _Stream(ours[:, pad], span), _Stream(theirs[:, pad], span))
             if parting is not None:
                 partings.append((*parting, name))
+        until = span.stop
         if partings:
             at, why, name = min(partings)
             samples = slice(span.start + at, span.stop)
+            until = samples.start
             begin, end = float(time[samples.start]), float(time[span.stop - 1])
             found.append(Doubt(samples, begin, end, f"{name} {why}"))
+        if pressed is not None:
+            found += _pressings(time, theirs.sum(axis=1), pressed, slice(span.start, until))
+    return found
+
+
+def _pressings(
+    time: NDArray[np.float64], total: NDArray[np.float64], pressed: NDArray[np.float32], span: slice
+) -> list[Doubt]:
+    """Return the spans of a grasp in which the object in the hand is pressed on something else."""
+    peak = float(total[span].max(initial=0.0))
+    found: list[Doubt] = []
+    for a, b in runs(np.nan_to_num(pressed[span]) > _PRESSED * peak) if peak > 0 else ():
+        begin, end = span.start + a, int(np.searchsorted(time[: span.stop], time[span.start + b - 1] + _LASTS, "right"))
+        if found and begin <= found[-1].samples.stop:
+            begin = found.pop().samples.start
+        why = "what the hand holds is pressed on something else"
+        found.append(Doubt(slice(begin, end), float(time[begin]), float(time[end - 1]), why))
     return found
 
 

@@ -47,6 +47,7 @@ class EpisodeRunner:
 
     Attributes:
         path: ``(T, nq)`` positions of the model at the times of the last motion that was run.
+        pressed: ``(T,)`` force (N) beyond its weight with which the surroundings pushed an object in the hand.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -55,6 +56,7 @@ class EpisodeRunner:
         self._data = mujoco.MjData(rig.model)
         self._readout = TactileReadout(rig.model, rig.pads)
         self.path = np.zeros((0, rig.model.nq), dtype=np.float32)
+        self.pressed = np.zeros(0, dtype=np.float32)
 
     def run(
         self, motion: Motion, settle: float, mean: bool, start: NDArray[np.float64] | None = None
@@ -206,6 +208,7 @@ class EpisodeRunner:
         first_of = np.searchsorted(before, np.arange(steps + 1))
         out = np.zeros((len(where), *self._rig.pads.shape))
         self.path = np.zeros((len(where), self._model.nq), dtype=np.float32)
+        self.pressed = np.zeros(len(where), dtype=np.float32)
         total = np.zeros(self._rig.pads.shape)
         sums = np.zeros_like(out)  # integral of the force up to each sample's time, by the trapezoidal rule
         last = None
@@ -217,7 +220,9 @@ class EpisodeRunner:
             force = self._readout.read_exact(data)
             mine = slice(first_of[k], first_of[k + 1])
             out[mine] += (1 - weight[mine]) * force
-            self.path[mine] = data.qpos
+            if mine.stop > mine.start:
+                self.path[mine] = data.qpos
+                self.pressed[mine] = self._pressed()
             if k:
                 previous = slice(first_of[k - 1], first_of[k])
                 out[previous] += weight[previous] * force
@@ -235,6 +240,27 @@ class EpisodeRunner:
             width = np.diff(where).reshape(-1, 1, 1, 1, 1)
             out[1:] = np.where(width > 0, np.diff(sums, axis=0) / np.maximum(width, 1e-12), out[1:])
         return out.astype(np.float32)
+
+    def _pressed(self) -> float:
+        """Return the force (N) beyond its weight with which the surroundings push a free object that a pad touches.
+
+        0 if no pad touches an object. A table that carries an object exerts no more than its weight.
+        """
+        data, rig, model = self._data, self._rig, self._model
+        geoms = data.contact.geom
+        roots = model.body_rootid[model.geom_bodyid[geoms]]
+        most, force = 0.0, np.zeros(6)
+        for body, weight in rig.weights:
+            its = np.flatnonzero((roots == body).sum(axis=1) == 1)
+            if not np.isin(geoms[its], rig.pads.geoms).any():
+                continue
+            outside = np.zeros(3)
+            for contact in its[~np.isin(roots[its], rig.hands).any(axis=1)]:
+                mujoco.mj_contactForce(model, data, int(contact), force)
+                push = data.contact.frame[contact].reshape(3, 3).T @ force[:3]
+                outside += push if roots[contact, 1] == body else -push
+            most = max(most, float(np.linalg.norm(outside)) - weight)
+        return most
 
     def _check(self, motion: Motion, when: str) -> None:
         if any(self._data.warning[int(kind)].number for kind in _BAD):

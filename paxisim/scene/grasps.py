@@ -32,12 +32,14 @@ class Grasped:
     Attributes:
         force: ``(T, pads, 3, rows, cols)`` forces (N); NaN in a grasp to which no closing could be fitted.
         qpos: ``(T, nq)`` positions of the model.
+        pressed: ``(T,)`` as `EpisodeRunner.pressed`.
         closings: Constant added to the closing stream in each grasp, in its unit.
         notes: Why a closing was not fitted.
     """
 
     force: NDArray[np.float32]
     qpos: NDArray[np.float32]
+    pressed: NDArray[np.float32]
     closings: tuple[float, ...]
     notes: tuple[str, ...]
 
@@ -67,6 +69,7 @@ def by_grasp(
         raise InvalidValueError(f"episode {number} has {len(grasps)} grasps, got {len(closings)} closings")
     force = np.full(part.measured.shape, np.nan, dtype=np.float32)
     qpos = np.zeros((len(part), follower.rig.model.nq), dtype=np.float32)
+    pressed = np.zeros(len(part), dtype=np.float32)
     found: list[float] = []
     last: FittedClosing | None = None
     notes: list[str] = []
@@ -86,7 +89,8 @@ def by_grasp(
             failed.append(error)
             fitted = FittedClosing(before, np.full_like(grasp.simulated(before), np.nan), (str(error),))
         force[new] = fitted.force[k > 0 :]
-        qpos[new] = grasp.path(fitted.closing)[k > 0 :]
+        path, presses = grasp.course(fitted.closing)
+        qpos[new], pressed[new] = path[k > 0 :], presses[k > 0 :]
         found.append(fitted.closing)
         notes += fitted.notes
         state = grasp.end(fitted.closing)
@@ -96,7 +100,7 @@ def by_grasp(
                 state = grasp.carried(fitted.closing)
     if len(failed) == len(grasps):
         raise failed[0]
-    return Grasped(force, qpos, tuple(found), tuple(notes))
+    return Grasped(force, qpos, pressed, tuple(found), tuple(notes))
 
 
 class _Grasp:
@@ -113,13 +117,13 @@ class _Grasp:
         self._follower, self._episode, self._part = follower, episode, episode[span]
         self._start, self._shifts = start, shifts
         self._ends: dict[float, NDArray[np.float64]] = {}
-        self._paths: dict[float, NDArray[np.float32]] = {}
+        self._courses: dict[float, tuple[NDArray[np.float32], NDArray[np.float32]]] = {}
 
     def simulated(self, closing: float) -> NDArray[np.float32]:
         """Return the forces with a closing."""
         force = self._follower.forces(self._episode, self._moved(closing), self._part.time, self._start)
         self._ends[closing] = self._follower.runner.state()
-        self._paths[closing] = self._follower.runner.path
+        self._courses[closing] = self._follower.runner.path, self._follower.runner.pressed
         return force
 
     def _moved(self, closing: float) -> Mapping[Drive, float]:
@@ -136,9 +140,9 @@ class _Grasp:
         """Return the state at the end with a closing."""
         return self._ends[closing]
 
-    def path(self, closing: float) -> NDArray[np.float32]:
-        """Return the positions of the model at the samples with a closing."""
-        return self._paths[closing]
+    def course(self, closing: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the positions of the model at the samples with a closing, and `EpisodeRunner.pressed`."""
+        return self._courses[closing]
 
     def carried(self, closing: float) -> NDArray[np.float64]:
         """Return the same with the one free object where the real hand carried it."""

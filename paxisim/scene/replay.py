@@ -40,6 +40,7 @@ class SimulatedEpisode:
         force: ``(T, pads, 3, rows, cols)`` forces (N) at the recording's samples of the episode; NaN where the driving
             streams are unknown.
         qpos: ``(T, nq)`` positions of `Replay.rig.model` at these samples, NaN likewise.
+        pressed: ``(T,)`` force (N) beyond its weight with which the surroundings pushed an object in the hand.
         closings: Constant added to the closing stream in each grasp, in its unit: given to `Replay.run`, or fitted by
             mode ``"fitted"`` or ``"shape"``; empty in the other modes.
         notes: Remarks on the simulation.
@@ -48,6 +49,7 @@ class SimulatedEpisode:
     number: int
     force: NDArray[np.float32]
     qpos: NDArray[np.float32]
+    pressed: NDArray[np.float32]
     closings: tuple[float, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
@@ -105,17 +107,18 @@ class Replay:
         moving = part[known]
         if self._scene.mode in CLOSING_FITS:
             done = by_grasp(self._follower, moving, closings)
-            force, qpos = (_within(known, values) for values in (done.force, done.qpos))
-            return SimulatedEpisode(number, force, qpos, done.closings, done.notes)
+            force, qpos, pressed = (_within(known, values) for values in (done.force, done.qpos, done.pressed))
+            return SimulatedEpisode(number, force, qpos, pressed, done.closings, done.notes)
         force = self._follower.forces(moving)
-        qpos = self._follower.runner.path
+        qpos, pressed = self._follower.runner.path, self._follower.runner.pressed
         if len(self.rig.free) == 1 and find_doubts(moving, force):
             assert moving.measured is not None
             grasps = find_grasps(moving.time, moving.measured)
             done = by_grasp(self._follower, moving, [0.0] * len(grasps))
-            force, qpos = done.force, done.qpos
+            force, qpos, pressed = done.force, done.qpos, done.pressed
         notes = self._missed(moving, force)
-        return SimulatedEpisode(number, _within(known, force), _within(known, qpos), notes=notes)
+        force, qpos, pressed = (_within(known, values) for values in (force, qpos, pressed))
+        return SimulatedEpisode(number, force, qpos, pressed, notes=notes)
 
     def forces(self) -> NDArray[np.float32]:
         """Return the forces ``(T, pads, 3, rows, cols)`` (N) of the streams as they are, NaN where these are unknown.
@@ -235,7 +238,7 @@ class Replay:
         for part, episode in zip(self._recording.episodes(), ordered, strict=True):
             force = episode.force.copy()
             # what is fixed cannot be lost: if the hand misses it, that is what a diagnosis must explain
-            for doubt in find_doubts(part, force) if self.rig.free else ():
+            for doubt in find_doubts(part, force, episode.pressed) if self.rig.free else ():
                 doubts.append(f"episode {episode.number}, {doubt.begin:.2f} s to {doubt.end:.2f} s: {doubt.why}")
                 force[doubt.samples] = np.nan
             kept.append(force)

@@ -12,6 +12,7 @@ body that is moved in the same way.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -75,6 +76,18 @@ class Rig:
         driven = {self.joint(drive) for drive in (*self.prescribed, *self.followed)}
         joints = np.flatnonzero(self.model.jnt_type == _FREE)
         return tuple(int(self.model.jnt_qposadr[joint]) for joint in joints if joint not in driven)
+
+    @cached_property
+    def weights(self) -> tuple[tuple[int, float], ...]:
+        """Body and weight (N) of each free object that no stream moves."""
+        gravity = float(np.linalg.norm(self.model.opt.gravity))
+        bodies = [int(self.model.jnt_bodyid[np.flatnonzero(self.model.jnt_qposadr == at)[0]]) for at in self.free]
+        return tuple((body, gravity * float(self.model.body_subtreemass[body])) for body in bodies)
+
+    @cached_property
+    def hands(self) -> NDArray[np.intp]:
+        """Root bodies of all that carries pads."""
+        return np.unique(self.model.body_rootid[np.asarray(self.pads.bodies)])
 
     def object_address(self, body: str) -> int:
         """Return the index in ``qpos`` of the pose of a body with a free joint.

@@ -47,7 +47,7 @@ def test_replays_are_kept_by_what_they_depend_on(tmp_path):
     files = sorted(tmp_path.iterdir())
     assert len(files) == 2  # one per episode
     with np.load(files[0]) as kept:
-        np.savez(files[0], force=kept["force"] + 1, qpos=kept["qpos"], about=kept["about"])
+        np.savez(files[0], **{**kept, "force": kept["force"] + 1})
     files[1].write_bytes(b"damaged")
     with Replays(SCENE, motion(), folder=tmp_path) as replays:
         again = replays.run_each({})
