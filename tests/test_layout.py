@@ -135,6 +135,16 @@ def test_pooling_keeps_the_extent_and_drops_the_vendors_order():
     assert fine.pool(12, 10).taxels == 1
 
 
+def test_subdivided_taxels_pool_to_the_layout_they_came_from():
+    fine = TaxelLayout(3, 4, (4e-3, 6e-3)).subdivide(2, 3)
+    assert fine == TaxelLayout(6, 12, (2e-3, 2e-3))
+    assert fine.pool(2, 3) == TaxelLayout(3, 4, (4e-3, 6e-3))
+    curved = TaxelLayout(1, 2, 1e-3, positions=[[0, 0, 0], [1e-3, 0, 1e-4]])
+    for layout, by, words in ((fine, (0, 1), "0x1"), (curved, (2, 2), "flat grid")):
+        with pytest.raises(InvalidValueError, match=words):
+            layout.subdivide(*by)
+
+
 def test_a_pooled_taxel_sits_at_the_mean_of_its_members():
     fine = TaxelLayout(4, 6, (1e-3, 2e-3))
     means = fine.positions.reshape(2, 2, 2, 3, 3).mean(axis=(1, 3)).reshape(-1, 3)

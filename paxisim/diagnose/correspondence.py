@@ -65,7 +65,7 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
     Args:
         recording: Recording with both streams.
         replayed: Whether the simulation replays motions that were recorded with the measured stream. The episodes are
-            then known to be in the same order.
+            then known to be in the same order, and parts of them between doubtful spans may look alike.
     """
     assert recording.measured is not None
     assert recording.simulated is not None

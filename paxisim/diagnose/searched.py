@@ -113,7 +113,7 @@ def begin(
     recording, warnings = prepare(recording)
     doubtful, doubts = recorded_doubts(recording)
     warnings = (doubts, *warnings) if doubts else warnings
-    match = correspondence_of(recording, replayed=responses is not None)
+    match = correspondence_of(recording, replayed=responses is not None or "replay" in recording.metadata)
     if match.why:
         return unrelated(recording, warnings, match)
     if match.clocks_apart:

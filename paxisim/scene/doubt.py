@@ -105,6 +105,8 @@ def _pressings(
     peak = float(total[span].max(initial=0.0))
     found: list[Doubt] = []
     for a, b in runs(np.nan_to_num(pressed[span]) > _PRESSED * peak) if peak > 0 else ():
+        if time[span.start + b - 1] - time[span.start + a] < _LASTS:
+            continue
         begin, end = span.start + a, int(np.searchsorted(time[: span.stop], time[span.start + b - 1] + _LASTS, "right"))
         if found and begin <= found[-1].samples.stop:
             begin = found.pop().samples.start

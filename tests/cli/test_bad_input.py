@@ -66,6 +66,7 @@ BAD = {
         ("", "either --sensor NAME or"),
         (f"{GRID} --sensor paxini-gen1-l4629", "either --sensor NAME or"),
         (f"{GRID} --pool 4", "cannot pool 6x5 taxels in blocks of 4x4"),
+        (f"{GRID} --subdivide 0", "cannot divide a taxel into 0x0"),
         (f"{GRID} --thickness-mm 0", "thickness must be positive"),
         ("--sensor paxini-gen1-14629", "did you mean 'paxini-gen1-l4629'"),
         (f"{GRID} -o no/such/folder/a.xml", "folder does not exist"),

@@ -81,6 +81,8 @@ def test_a_pad_loads_by_itself_and_is_the_same_to_the_byte(capsys, folder):
     assert main([*product, "--sensors", "contact", "-o", "a.xml", "--force"]) == 0
     assert mujoco.MjModel.from_xml_path("a.xml").nsensor == 30
     assert pads_in("a.xml").layout == paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
+    assert main([*product, "--subdivide", "2", "-o", "a.xml", "--force"]) == 0
+    assert pads_in("a.xml").layout.pool(2, 2) == paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2)
     before = sorted(folder.iterdir())
     capsys.readouterr()
     assert main(product) == 0, "without an output it is printed"

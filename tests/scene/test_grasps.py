@@ -1,5 +1,6 @@
 """A hand that grasps, carries and grasps again: what a replay does when its object is lost, and what it says."""
 
+import re
 from dataclasses import replace
 
 import mujoco
@@ -152,9 +153,21 @@ def test_the_mode_is_chosen_by_what_the_opening_determines(scene, carried):
     # 0.025 mm on 9 springs of 400 kPa * 25 mm2 / 3.3 mm
     assert "0.025 mm" in stiff["notes"][0]
     assert f"by {4e5 * 25e-6 / 3.3e-3 * 9 * 25e-6:.2g} N" in stiff["notes"][0]
+
     coarse = replace(auto, drives=[replace(d, resolution=2e-4) for d in scene.drives])
     assert coarse.simulate(carried).metadata["replay"]["mode"] == "fitted"
     assert replace(auto, closing="").simulate(carried).metadata["replay"]["mode"] == "kinematic"
+
+
+def test_fingers_that_give_way_behind_their_joints_are_fitted(mjcf, scene, carried):
+    spec = mujoco.MjSpec.from_string(mjcf)
+    for name, axis in (("left", [1, 0, 0]), ("right", [-1, 0, 0])):
+        spec.body(name).add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, stiffness=2e4, damping=50)
+    springy = replace(scene, mjcf=spec.to_xml(), mode="auto").simulate(carried).metadata["replay"]
+    assert springy["mode"] == "fitted"
+    peak = total(carried.measured).max() / 2
+    given = re.search(r"([\d.]+) mm, by which the fingers give way under load", springy["notes"][0])
+    assert 1e-3 * float(given[1]) == pytest.approx(peak / 2e4, rel=0.1)
 
 
 def test_a_diagnosis_repeats_the_doubt_and_explains_nothing_where_most_is_in_doubt(scene, carried, tmp_path, capsys):
