@@ -86,6 +86,8 @@ from .scene.agreement import compare_streams as compare_streams
 from .scene.clocks import align_clocks as align_clocks
 from .scene.drive import Drive as Drive
 from .scene.drive import ObjectStart as ObjectStart
+from .scene.fit_object import FittedObject as FittedObject
+from .scene.fit_object import fit_object as fit_object
 from .scene.parameters import SceneParameter as SceneParameter
 from .scene.placing import place_objects as place_objects
 from .scene.ranges import SceneDraw as SceneDraw

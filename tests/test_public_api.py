@@ -11,18 +11,18 @@ import paxisim
 
 PUBLIC = """
     Agreement Background BackgroundRangeWarning Calibration Chain ComposedScene DeviceError DeviceTimeoutError
-    Drive Emulator Faults FoundMounts Frame GCS GaussianBump Gel GelMemory Grip History InvalidValueError Layer
-    LinearCalibration MagneticPad MagneticSensor MagneticSkin MissingExtraError Mount ObjectStart
-    OutputExistsError Pad PadParameters Pads PaxisimError PortAccessError PortNotFoundError Presses Profile
-    Protocol ProtocolError RayCluster Recording Scene SceneDraw SceneParameter SceneRanges SceneVariation Sensor
-    SensorModule SensorQuality SkinDesign Slot SqueezeResult TactileGripper TactileReadout TactileSensor
+    Drive Emulator Faults FittedObject FoundMounts Frame GCS GaussianBump Gel GelMemory Grip History
+    InvalidValueError Layer LinearCalibration MagneticPad MagneticSensor MagneticSkin MissingExtraError Mount
+    ObjectStart OutputExistsError Pad PadParameters Pads PaxisimError PortAccessError PortNotFoundError Presses
+    Profile Protocol ProtocolError RayCluster Recording Scene SceneDraw SceneParameter SceneRanges SceneVariation
+    Sensor SensorModule SensorQuality SkinDesign Slot SqueezeResult TactileGripper TactileReadout TactileSensor
     TaxelLayout TouchGridReadout UnknownNameError UnsupportedError UnverifiedProfileWarning __version__
     align_clocks attach augment calibrate_readout calibrate_sensor compare_streams compose_scene conform diagnose
-    encoding find_mounts find_pads find_presses finger_surface fit_background flat heights_from_map known_grippers
-    known_profiles known_protocols known_sensors load_profile measure_quality mounts_for nominal_operator
-    open_sensor place_objects plot_background plot_calibration plot_mounts plot_pads plot_presses plot_quality
-    plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor sensor_modules set_surface
-    skin_distance squeeze view warp
+    encoding find_mounts find_pads find_presses finger_surface fit_background fit_object flat heights_from_map
+    known_grippers known_profiles known_protocols known_sensors load_profile measure_quality mounts_for
+    nominal_operator open_sensor place_objects plot_background plot_calibration plot_mounts plot_pads plot_presses
+    plot_quality plot_residuals plot_tactile protocol reference_sensor robosuite_gripper_path sensor
+    sensor_modules set_surface skin_distance squeeze view warp
 """
 AUGMENT = """
     AxisCoupling AxisGain CentreOfPressure Chain ChannelCurve CovariateField Creep Crosstalk DeadBand DeadTaxels

@@ -31,7 +31,7 @@ from paxisim.cli.plot import plot
 from paxisim.cli.protocol import protocol
 from paxisim.cli.record import record
 from paxisim.cli.replay import replay
-from paxisim.cli.scene import scene_compose, scene_make
+from paxisim.cli.scene import scene_compose, scene_make, scene_object
 from paxisim.cli.scene_init import scene_init
 from paxisim.cli.sensors import sensors
 from paxisim.cli.view import view
@@ -58,7 +58,7 @@ VERBS = {
 # verbs that are followed by another
 GROUPS = {
     "scene": (
-        {"compose": scene_compose, "init": scene_init, "make": scene_make},
+        {"compose": scene_compose, "init": scene_init, "make": scene_make, "object": scene_object},
         "Write the scene of a robot, of a recording, or a ready-made one.",
     ),
     "device": (

@@ -1,4 +1,4 @@
-"""The commands ``paxisim scene compose`` and ``paxisim scene make``."""
+"""The commands ``paxisim scene compose``, ``paxisim scene make`` and ``paxisim scene object``."""
 
 from __future__ import annotations
 
@@ -84,3 +84,34 @@ def scene_compose(
     for line in scene.report.splitlines():
         print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
     print(f"{output} is written; next: paxisim attach {output} --help")
+
+
+def scene_object(
+    recording: Annotated[Path, tyro.conf.Positional],
+    *,
+    opening: str,
+    unit: Literal["m", "mm", "um"] = "m",
+    modulus_kpa: float | None = None,
+) -> None:
+    """Find out which shape a hand holds, and how thick it is: a start for --object of `paxisim scene compose`.
+
+    The opening of the gripper gives the thickness. With it as diameter, the command compares how a box, a cylinder and
+    a ball would distribute the force over the taxels with what both pads measured while they held the object.
+
+    For example:
+
+    paxisim scene object grasps.mcap --opening gripper_width
+
+    Args:
+        recording: Recording of two opposite pads with at least one grasp (.mcap, .npz, .csv).
+        opening: Covariate with the distance between the surfaces of the pads.
+        unit: Unit of the opening.
+        modulus_kpa: Modulus of the pads' soft layer in kPa; default: that of a scene.
+    """
+    import paxisim
+    from paxisim.recording import Recording
+
+    modulus = None if modulus_kpa is None else 1e3 * modulus_kpa
+    found = paxisim.fit_object(Recording.load(recording), opening, unit=unit, modulus=modulus)
+    for line in str(found).splitlines():
+        print(textwrap.fill(line, TERMINAL_COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
