@@ -36,7 +36,7 @@ POOR = 0.5
 _SPLIT = 3  # points along each side of a taxel
 _STARTS = (0.5, 2.0, 6.0)  # depths where a fit starts, as shares of what the force and the stiffness say
 _DEEPEST = 30.0  # largest depth, as such a share
-_MOST_FORCE = 3.0  # ratio of the force at the modulus of the layer and the measured one: a deep ball looks like a box
+_MOST_FORCE = 5.0  # ratio of the force at the modulus of the layer and the measured one: a deep ball looks like a box
 
 Array = NDArray[np.float64]
 
