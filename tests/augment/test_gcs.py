@@ -38,6 +38,12 @@ def assert_independent(a, b):
     assert stats.pearsonr(a.reshape(-1), b.reshape(-1)).pvalue > LEAST_P
 
 
+def test_the_ranges_are_those_of_table_i():
+    ranges = Ranges()
+    assert (ranges.axis_gain, ranges.convolution, ranges.deviation) == ((0.5, 1.5), (0.1, 0.3), (1.0, 3.0))
+    assert (ranges.taxel_gain, ranges.dropout, ranges.offset) == ((1.0, 0.25), 0.2, 0.0)
+
+
 def test_axis_gains_and_convolution_are_uniform_and_independent(rng):
     values = drawn(rng)
     gains, cx, cy = values["axis_gain.gain"], values["poisson.cx"], values["poisson.cy"]
