@@ -12,6 +12,7 @@ MENAGERIE is a folder of MuJoCo Menagerie with franka_emika_panda, robotiq_2f85_
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 import warnings
 from collections.abc import Sequence
@@ -41,7 +42,8 @@ class Task:
     robot: str
     kind: str
     seed: int
-    search_scene: bool
+    search_scene: bool = False
+    cubes: int = OWNED
 
     @property
     def name(self) -> str:
@@ -65,23 +67,28 @@ def hidden(kind: str, rng: np.random.Generator) -> tuple[Truth, tuple[str, ...]]
 
 
 @cache
-def owned(menagerie: Path, name: str) -> tuple[str, tuple[paxisim.Mount, ...]]:
+def owned(menagerie: Path, name: str, cubes: int) -> tuple[str, tuple[paxisim.Mount, ...]]:
     """Return the owner's model of a robot as MJCF text, and the mounts that `attach` found."""
-    tactile = scene_model(ROBOTS[name], menagerie, OWNED)
-    return tactile.to_xml(), tactile.mounts
+    mounts = scene_model(ROBOTS[name], menagerie, 1).mounts
+    return scene_model(ROBOTS[name], menagerie, cubes, mounts).to_xml(), mounts
+
+
+def recorded(task: Task, folder: Path, episodes: int) -> tuple[paxisim.Scene, paxisim.Recording, tuple[str, ...]]:
+    """Return the owner's scene, the recording, and the hidden causes."""
+    rng = np.random.default_rng([task.seed, KINDS.index(task.kind), list(ROBOTS).index(task.robot)])
+    truth, causes = hidden(task.kind, rng)
+    mjcf, mounts = owned(task.menagerie, task.robot, task.cubes)
+    recording = record(ROBOTS[task.robot], task.menagerie, mounts, truth, rng, episodes)
+    path = folder / "scene.xml"
+    path.write_text(mjcf, encoding="utf-8")
+    return guess_scene(path, recording).scene.with_parameters(modulus=GEL.modulus), recording, causes
 
 
 def solve(task: Task) -> Outcome:
     """Record, find the scene, replay and diagnose one case."""
     warnings.simplefilter("ignore")
-    rng = np.random.default_rng([task.seed, KINDS.index(task.kind), list(ROBOTS).index(task.robot)])
-    truth, causes = hidden(task.kind, rng)
-    mjcf, mounts = owned(task.menagerie, task.robot)
-    recording = record(ROBOTS[task.robot], task.menagerie, mounts, truth, rng, EPISODES)
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.xml"
-        path.write_text(mjcf, encoding="utf-8")
-        scene = guess_scene(path, recording).scene.with_parameters(modulus=GEL.modulus)
+        scene, recording, causes = recorded(task, Path(folder), EPISODES)
         placing = time.process_time()
         scene, recording, _ = paxisim.place_objects(scene, recording)
         placing = (time.process_time() - placing) / recording.duration
@@ -99,6 +106,22 @@ def solve(task: Task) -> Outcome:
         not_testable=sorted(found.not_testable) if found else [],
     )  # fmt: skip
     return outcome
+
+
+def errors(task: Task) -> str:
+    """Return a row with the error of the replay in each grasp, from two episodes without a diagnosis."""
+    warnings.simplefilter("ignore")
+    with TemporaryDirectory() as folder:
+        scene, recording, _ = recorded(task, Path(folder), 2)
+        scene, recording, _ = paxisim.place_objects(scene, recording)
+        paired = scene.simulate(recording)
+    found = []
+    for part in paired.select(known=True).episodes():
+        assert part.measured is not None
+        assert part.simulated is not None
+        found.append(float(np.linalg.norm(part.measured - part.simulated) / np.linalg.norm(part.measured)))
+    in_doubt = paired.metadata["replay"]["in_doubt"]
+    return f"| {task.robot} | {task.cubes} | {' | '.join(f'{error:.2f}' for error in found)} | {in_doubt:.0%} |"
 
 
 def table(outcomes: Sequence[Outcome]) -> None:
@@ -149,11 +172,18 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=100, help="first seed; those below 100 were used in development")
     parser.add_argument("--robots", nargs="+", choices=tuple(ROBOTS), default=tuple(ROBOTS))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--errors", action="store_true", help="only print the error of the replay in each grasp")
+    parser.add_argument("--cubes", type=int, nargs="+", default=[OWNED], help="cubes along each taxel, for --errors")
     parser.add_argument("--search-scene", action="store_true", help="search causes in the scene too, which takes long")
     add_options(parser)
     options = parser.parse_args()
     kinds = options.kinds if options.search_scene else [kind for kind in options.kinds if kind not in IN_SCENE]
     seeds = range(options.first, options.first + options.seeds)
+    if options.errors:
+        print("| robot | cubes | first grasp | second | third | fourth | in doubt |\n|---|---|---|---|---|---|---|")
+        for seed, robot, cubes in itertools.product(seeds, options.robots, options.cubes):
+            print(errors(Task(options.menagerie, robot, "nothing", seed, cubes=cubes)), flush=True)
+        return
     wanted = [
         Task(options.menagerie, robot, kind, seed, options.search_scene)
         for seed in seeds for robot in options.robots for kind in kinds
