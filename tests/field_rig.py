@@ -44,6 +44,8 @@ def moving(seed, seconds=60.0, rate=50.0, drift=0.3, delay=0.0):
     slow = drift * rng.normal(size=clean.shape[1:]) * (time / 60).reshape(-1, 1, 1, 1, 1)
     channels = clean + slow + rng.normal(0, NOISE, clean.shape) + 100
     opening, wrist = joints(time)
-    hand = Rotation.from_euler("xy", wrist).as_quat()
-    covariates = {"opening": opening, "wrist": wrist, "hand": hand}
+    hand = Rotation.from_euler("xy", wrist)
+    pose = np.tile(np.eye(4)[:3], (len(time), 1, 1))
+    pose[:, :, :3] = hand.as_matrix()
+    covariates = {"opening": opening, "wrist": wrist, "hand": hand.as_quat(), "pose": pose[:, :, :3]}
     return Recording(time, channels, covariates=covariates, metadata={"unit": "uT"})

@@ -4,13 +4,14 @@ import json
 import re
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import paxisim
 from paxisim.cli import main
-from paxisim.errors import InvalidValueError, UnknownNameError
+from paxisim.errors import DeviceError, InvalidValueError, UnknownNameError
 
 pytest.importorskip("magpylib", reason="needs magpylib; install the test extra")
 from field_rig import NOISE, field, moving
@@ -32,16 +33,16 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-@pytest.mark.parametrize("names", [NAMES, ("opening", "hand")])
+@pytest.mark.parametrize("names", [NAMES, ("opening", "hand"), ("opening", "pose")])
 def test_what_is_left_of_another_motion_is_what_is_printed(free, names):
     background = paxisim.fit_background(free, names)
     other = moving(1, drift=0)
     left = background.apply(other).measured.astype(float)
     left -= left.mean(axis=0)  # a drift of the first recording is no part of another
     said = float(re.search(r"after subtraction: ([\d.]+) uT", str(background))[1])
-    assert said / 1.4 < rms(left) < 1.1 * said  # folds lack a fifth of the motion
-    assert rms(left) < 1.2 * NOISE
-    assert rms(background.before) > 200 * said
+    assert said / 3 < rms(left) < 1.1 * said  # folds lack a fifth of the motion, and a matrix has nine values
+    assert rms(left) < 1.5 * NOISE
+    assert rms(background.before) > 100 * said
     assert rms(background.noise) == pytest.approx(NOISE, rel=0.05)
 
 
@@ -73,6 +74,7 @@ def test_a_file_gives_the_same_field_and_a_damaged_one_is_named(background, free
         ("weights", good["weights"][1:]),
         ("weights", "x"),
         ("used", [True]),
+        ("used", [[[[False] * 5]] * 3]),
         ("error", [[[[None] * 5]] * 3]),
     ]):  # fmt: skip
         path = tmp_path / f"{number}.json"
@@ -247,11 +249,13 @@ def test_the_field_of_the_robot_is_subtracted_live(background, tmp_path, capsys,
             assert np.ptp(fields, axis=0).max() > 300
             assert np.abs(read).max() < 3, "what is left of the other finger's field"
             state = {"wrist": [0.0, 0.0]}
-            with pytest.raises(UnknownNameError, match="opening"):
+            with pytest.raises(DeviceError, match=r"covariates .*UnknownNameError.*opening"):
                 read_all(skin)
 
         background.save(tmp_path / "background.json")
-        (tmp_path / "my_robot_state.py").write_text("def now():\n    return {'opening': 0.01, 'wrist': [0, 0]}\n")
+        (tmp_path / "my_robot_state.py").write_text(
+            "def now():\n    return {'opening': 0.01, 'wrist': [0, 0]}\ndef lost():\n    return {}['wrist']\n"
+        )
         monkeypatch.chdir(tmp_path)
         opening = openings[0]
         command = ["record", emulator.port, "--profile", "anyskin", "--seconds", "0.5", "-o", "less.mcap"]
@@ -261,9 +265,13 @@ def test_the_field_of_the_robot_is_subtracted_live(background, tmp_path, capsys,
             (["--covariates", "my_robot_state"], "must be module:function"),
             (["--covariates", "my_robot_state:later"], "no function 'later'"),
             (["--covariates", "no_such_module:now"], "cannot import"),
+            (["--covariates", "my_robot_state:lost"], "covariates for the frames .* failed with KeyError: 'wrist'"),
         ]:
             assert main([*command, *words]) == 2
-            assert said in capsys.readouterr().err
+            error = capsys.readouterr().err
+            assert re.search(said, error), error
+            assert error.count("\n") == 1, error
+            Path("less.mcap").unlink(missing_ok=True)
         assert main([*command, "--covariates", "my_robot_state:now"]) == 0
     recorded = paxisim.Recording.load("less.mcap")
     assert (recorded.unit, recorded.metadata["background"]) == ("uT", list(NAMES))

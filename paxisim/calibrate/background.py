@@ -79,11 +79,11 @@ class Background(DocumentFile):
         """Return the field without contact.
 
         Args:
-            covariates: Present value of each covariate, or ``(..., size)`` values of several moments; more names do no
+            covariates: Present value of each covariate, or ``(T, ...)`` values of several moments; more names do no
                 harm.
 
         Returns:
-            ``(..., pads, 3, rows, cols)`` in `unit`. NaN where a covariate is NaN.
+            ``(pads, 3, rows, cols)`` or ``(T, pads, 3, rows, cols)`` in `unit`. NaN where a covariate is NaN.
 
         Raises:
             UnknownNameError: A covariate is missing.
@@ -92,7 +92,7 @@ class Background(DocumentFile):
         Warns:
             BackgroundRangeWarning: A covariate is outside the range of the fit.
         """
-        values = self._values(covariates)
+        values = side_by_side(covariates, self.covariates, self.sizes)
         beyond = RANGE_MARGIN * (self.high - self.low)
         out = np.flatnonzero(
             ((values < self.low - beyond) | (values > self.high + beyond)).reshape(-1, len(self.low)).any(0)
@@ -166,19 +166,8 @@ class Background(DocumentFile):
         if unit != self.unit:
             raise InvalidValueError(f"the background is of channels in {self.unit}, but this sensor's are in {unit}")
 
-    def _values(self, covariates: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-        """Return the covariates side by side, ``(..., values)``."""
-        return side_by_side(covariates, self.covariates, self.sizes)
-
     def _entries(self) -> dict[str, Any]:
-        return {
-            name: value.tolist()
-            if isinstance(value, np.ndarray)
-            else list(value)
-            if isinstance(value, tuple)
-            else value
-            for name, value in vars(self).items()
-        }
+        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
 
     @classmethod
     def _from_entries(cls, entries: dict[str, Any]) -> Background:
@@ -188,8 +177,8 @@ class Background(DocumentFile):
             raise InvalidValueError(
                 f"expected a size for each of 1 to {MAX_VALUES} covariates, got {names} and {sizes}"
             )
-        if used.ndim != 4 or used.shape[1] != 3:
-            raise InvalidValueError(f"used must be (pads, 3, rows, cols), got shape {used.shape}")
+        if used.ndim != 4 or used.shape[1] != 3 or not used.any():
+            raise InvalidValueError(f"used must be (pads, 3, rows, cols) with a channel in use, got shape {used.shape}")
         bumps = len(entries["bumps"])
         if not 1 <= bumps <= MAX_BUMPS:
             raise InvalidValueError(f"expected 1 to {MAX_BUMPS} bumps, got {bumps}")
@@ -240,7 +229,7 @@ class Background(DocumentFile):
 def side_by_side(
     covariates: Mapping[str, ArrayLike], names: Iterable[str], sizes: Iterable[int]
 ) -> NDArray[np.float64]:
-    """Return ``(..., values)``, the values of the covariates one after another.
+    """Return ``(values,)`` of one moment or ``(T, values)``, the values of the covariates one after another.
 
     Raises:
         UnknownNameError: A covariate is missing.
@@ -250,11 +239,14 @@ def side_by_side(
     for name, size in zip(names, sizes, strict=True):
         if name not in covariates:
             raise UnknownNameError("covariate", name, covariates)
-        value = np.asarray(covariates[name], dtype=np.float64)
-        value = value[..., None] if size == 1 and value.shape[-1:] != (1,) else value
-        if value.shape[-1:] != (size,):
+        try:
+            value = np.asarray(covariates[name], dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InvalidValueError(f"covariate {name!r} must be numbers, got {covariates[name]!r:.60}") from None
+        shape = (size,) if value.size == size else (len(value) if value.ndim else 0, size)
+        if value.size != np.prod(shape):
             raise InvalidValueError(f"covariate {name!r} must have {size} values, got shape {value.shape}")
-        found.append(value)
+        found.append(value.reshape(shape))
     if len({value.shape[:-1] for value in found}) > 1:
         raise InvalidValueError(f"covariates must have the same number of samples, got {[v.shape for v in found]}")
     return np.concatenate(found, axis=-1)

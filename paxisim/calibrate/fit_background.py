@@ -41,6 +41,8 @@ LATE = 0.7
 NOT_NOISE = 4.0
 """Ratio between what is left on held-out data and the noise beyond which a warning is given."""
 
+_STILL = 1e-9  # range of a value that does not change, as a share of the covariate's largest
+
 Array = NDArray[np.float64]
 
 
@@ -54,8 +56,8 @@ def fit_background(recording: Recording, covariates: str | Sequence[str]) -> Bac
     The fit is ridge regression on a constant, the covariates, their products, Gaussian bumps of each value by itself,
     and Gaussian bumps of all values together if they help. The width of the latter and the strength of the ridge are
     those with the smallest error on held-out episodes, or on held-out blocks of time of a recording with a few
-    episodes. A slow drift is fitted with it and left out of the background: no joint explains
-    it, and `TactileSensor.zero` removes it.
+    episodes. A slow drift is fitted with it and left out of the background: no joint explains it, and
+    `TactileSensor.zero` removes it.
 
     Args:
         recording: Recording without contact, with the channels in `measured`, in any unit.
@@ -185,11 +187,10 @@ def _prepare(recording: Recording, names: tuple[str, ...]) -> _Data:
     for name in names:
         if name not in recording.covariates:
             raise UnknownNameError("covariate", name, recording.covariates)
-    given = {name: recording.covariates[name].reshape(len(recording), -1) for name in names}
-    sizes = tuple(own.shape[1] for own in given.values())
+    sizes = tuple(recording.covariates[name].size // len(recording) for name in names)
     if not 1 <= sum(sizes) <= MAX_VALUES:
         raise InvalidValueError(f"a background takes 1 to {MAX_VALUES} values of covariates, got {sum(sizes)}")
-    values = side_by_side(given, names, sizes)
+    values = side_by_side(recording.covariates, names, sizes).reshape(len(recording), -1)
     channels = recording.measured.reshape(len(values), -1).astype(np.float64)
     used = np.isfinite(channels).any(axis=0)
     known = np.isfinite(values).all(axis=1) & np.isfinite(channels[:, used]).all(axis=1)
@@ -201,11 +202,12 @@ def _prepare(recording: Recording, names: tuple[str, ...]) -> _Data:
     kept = np.flatnonzero(known)
     kept = kept[:: -(-len(kept) // MOST_SAMPLES)]
     values, low, high = values[kept], values[known].min(axis=0), values[known].max(axis=0)
-    for name, size in zip(np.repeat(names, sizes), high - low, strict=True):
-        if not size > 0:
-            raise InvalidValueError(
-                f"covariate {str(name)!r} does not change in the recording: leave it out or move it"
-            )
+    largest = [np.abs(own).max() for own in np.split(values, np.cumsum(sizes)[:-1], axis=1)]
+    still = high - low <= _STILL * np.repeat(largest, sizes)
+    for name, own in zip(names, np.split(still, np.cumsum(sizes)[:-1]), strict=True):
+        if own.all():
+            raise InvalidValueError(f"covariate {name!r} does not change in the recording: leave it out or move it")
+    low, high = np.where(still, low - 1, low), np.where(still, high + 1, high)  # such as the last row of a pose
     episode = recording.episode[kept]
     elapsed = recording.elapsed[kept]
     values = scaled(values, low, high)
@@ -265,10 +267,10 @@ def _noise(recording: Recording, used: NDArray[np.bool_]) -> Array:
 
 def _warn(data: _Data, names: tuple[str, ...], fit: _Fit, ridge: float, left: Array, noise: Array) -> None:
     base = np.linalg.qr(data.drift)[0]
-    centred = data.values - data.values.mean(axis=0)
-    alone = np.sum((data.values - base @ (base.T @ data.values)) ** 2, axis=0) / np.sum(centred**2, axis=0)
-    for name, share in zip(np.repeat(names, data.sizes), alone, strict=True):
-        if share < 0.05:
+    moved = np.sum((data.values - data.values.mean(axis=0)) ** 2, axis=0)
+    alone = np.sum((data.values - base @ (base.T @ data.values)) ** 2, axis=0)
+    for name, whole, own in zip(np.repeat(names, data.sizes), moved, alone, strict=True):
+        if own < 0.05 * whole:
             warnings.warn(
                 f"covariate {str(name)!r} changes with time only, so its effect cannot be told from a drift: move it "
                 "back and forth",

@@ -223,8 +223,7 @@ class Reader:
         resultant = None if reading.resultant is None else board.profile.resultant_force(reading.resultant)
         unit = board.profile.unit
         if self._calibration is not None:
-            values = {} if self._covariates is None else self._covariates()
-            force, resultant = self._calibration.read(force, values)
+            force, resultant = self._converted(self._calibration, force)
             unit = self._calibration.unit
         time = self._sample_clock.estimate(reading.time, reading.behind)
         error = self._time_error(reading)
@@ -238,6 +237,23 @@ class Reader:
             force = force - zero.force
             self._deliver(Frame(force, time, reading.time, raw.sequence, reading.status, resultant, unit, error))
         return raw
+
+    def _converted(
+        self, calibration: SensorCalibration, force: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        """Return the calibrated channels and the total force.
+
+        Raises:
+            DeviceError: The function that returns the covariates fails, or lacks one.
+        """
+        if self._covariates is None:
+            return calibration.read(force, {})
+        try:
+            return calibration.read(force, self._covariates())
+        except Exception as error:  # the user's function may raise anything
+            raise DeviceError(
+                f"the covariates for the frames of {self.port} failed with {type(error).__name__}: {error}"
+            ) from error
 
     def _time_error(self, reading: Reading) -> float:
         """Return `Frame.time_error`: from a queue after a pause, until a frame comes alone and in its own time.
