@@ -48,8 +48,8 @@ class FittedObject:
     Attributes:
         shape: ``"box"``, ``"cylinder"`` or ``"ball"``.
         thickness: Size along the closing direction (m), the diameter of a cylinder or ball.
-        thickness_error: How far it may be off (m): the depth in the soft layers, the step between openings, and the
-            spread over the grasps.
+        thickness_error: How far it may be off (m): twice the depth in the soft layers, whose stiffness is known to a
+            factor of about 2, the step between openings, and half the spread over the grasps.
         angle: Angle (rad) of a cylinder's axis from the pads' x, between -pi/2 and pi/2; NaN for other shapes.
         errors: Error of each shape: difference of the distributions over the taxels, relative to the measured one.
         grasps: Number of grasps that were used.
@@ -145,7 +145,7 @@ def fit_object(recording: Recording, opening: str, *, unit: str = "m", modulus: 
     return FittedObject(
         shape=best,
         thickness=float(np.median(thickness)),
-        thickness_error=float(np.median(depths) + np.median(steps) + np.ptp(thickness) / 2),
+        thickness_error=float(2 * np.median(depths) + np.median(steps) + np.ptp(thickness) / 2),
         angle=float(np.angle(turned.mean()) / 2),
         errors=errors,
         grasps=len(grasps),
