@@ -59,7 +59,7 @@ VERBS = {
 GROUPS = {
     "scene": (
         {"compose": scene_compose, "init": scene_init, "make": scene_make, "object": scene_object},
-        "Write the scene of a robot, of a recording, or a ready-made one.",
+        "Write the scene of a robot, of a recording, or a ready-made one; find out what a hand holds.",
     ),
     "device": (
         {"check": device_check, "quality": device_quality, "profiles": device_profiles},
