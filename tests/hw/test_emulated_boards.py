@@ -296,6 +296,11 @@ def test_a_wrong_status_is_a_sound_message():
     assert ask(board_of(BOX, faults=wrong), box.get_mode_request()).error == 0x0D
     reply = ask(board_of(CONVERTER, faults=wrong), converter.Request(1, converter.READ, 1038, 36))
     assert (reply.status, reply.data) == (0x0D, b"")
+    streaming = board_of(HIGH_SPEED, faults=Faults(status=0.5))
+    while ask(streaming, high_speed.push_request(True)).function == 0x90:
+        pass
+    pushes = [streaming.tick(0.01 * k) for k in range(1, 40)]
+    assert bytes.fromhex("AA5600010007F8") in pushes, "the protocol's example of a stream error"
     assert ask(board_of(HIGH_SPEED, faults=wrong), high_speed.push_request(True)).function == 0x90
     (found,) = RoundDecoder().feed(board_of(profile("gen1-stream"), faults=wrong).tick(0.0))
     assert [block.state for block in found.blocks] == [0, 1, 1, 1]
