@@ -297,7 +297,7 @@ def test_a_wrong_status_is_a_sound_message():
     reply = ask(board_of(CONVERTER, faults=wrong), converter.Request(1, converter.READ, 1038, 36))
     assert (reply.status, reply.data) == (0x0D, b"")
     streaming = board_of(HIGH_SPEED, faults=Faults(status=0.5))
-    while ask(streaming, high_speed.push_request(True)).function == 0x90:
+    while not isinstance(ask(streaming, high_speed.push_request(True)), high_speed.Push):
         pass
     pushes = [streaming.tick(0.01 * k) for k in range(1, 40)]
     assert bytes.fromhex("AA5600010007F8") in pushes, "the protocol's example of a stream error"
