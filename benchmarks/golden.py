@@ -18,7 +18,7 @@ import math
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,8 @@ GENERATED = {
 """Number of cases of each family and kind."""
 REAL = {"injected": 46, "null": 8, "broken": COUNT}
 """Number of cases made of real presses."""
+MOST = 24
+"""Parameters of a cause that are kept one by one; an offset has one for each channel."""
 UNITS = (180, 181)
 """Units of the magnetic pad."""
 
@@ -89,7 +91,7 @@ def solve(task: Task) -> Outcome:
     warnings.simplefilter("ignore")
     outcome, found = diagnosed(task.name, task.kind, (), task.recording())
     outcome.about["answer"] = {"verdict": outcome.verdict} if found is None else answer(found)
-    return outcome
+    return replace(outcome, said=())
 
 
 def answer(found: paxisim.diagnose.Diagnosis) -> dict[str, Any]:
@@ -99,12 +101,21 @@ def answer(found: paxisim.diagnose.Diagnosis) -> dict[str, Any]:
         cause["name"]: {
             "rivals": cause["rivals"],
             "gain": cause["gain"],
-            "parameters": {own["name"]: own["value"] for own in cause["parameters"]},
+            "parameters": brief({own["name"]: own["value"] for own in cause["parameters"]}),
         }
         for cause in document["causes"]
     }
     errors = {name: document["heldout"][name] for name in ("nrmse_before", "nrmse_after", "noise_floor")}
     return {"verdict": document["verdict"], "causes": causes, "heldout": errors, "shift": document["clock_shift"]}
+
+
+def brief(parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return parameters as they are, or of more than `MOST` the sum and the norm of their values and interval ends."""
+    if len(parameters) <= MOST:
+        return parameters
+    columns = {end: [own[end] or 0.0 for own in parameters.values()] for end in ("value", "low", "high")}
+    sums = {end: {"sum": math.fsum(own), "norm": math.hypot(*own)} for end, own in columns.items()}
+    return {"count": len(parameters), **sums}
 
 
 def differences(before: Any, now: Any, where: str = "") -> Iterator[str]:
@@ -134,6 +145,8 @@ def main() -> None:
     print(f"{sum(outcome.seconds for outcome in outcomes):.0f} s of diagnoses")
     if options.json and options.json.resolve() == FROZEN:
         return
+    if not FROZEN.exists():
+        raise SystemExit(f"error: {FROZEN} is not there: write it with --json {FROZEN}")
     frozen = {row["name"]: row["about"]["answer"] for row in map(json.loads, FROZEN.read_text().splitlines())}
     changed = 0
     for outcome in outcomes:
