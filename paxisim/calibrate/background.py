@@ -158,13 +158,7 @@ class Background(DocumentFile):
         Raises:
             InvalidValueError: The background belongs to another sensor.
         """
-        if shape != self.used.shape:
-            raise InvalidValueError(
-                f"the background is of a sensor with frames of shape {self.used.shape} (pads, 3, rows, cols), but this "
-                f"sensor's frames have shape {shape}"
-            )
-        if unit != self.unit:
-            raise InvalidValueError(f"the background is of channels in {self.unit}, but this sensor's are in {unit}")
+        check_sensor("background", self.used.shape, self.unit, shape, unit)
 
     def _entries(self) -> dict[str, Any]:
         return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
@@ -224,6 +218,21 @@ class Background(DocumentFile):
             f"({self.before[pad, axis, row, col]:.3g} before)",
             f"drift during the recording, not in the background: up to {self.drift[self.used].max():.3g} {unit}",
         ])  # fmt: skip
+
+
+def check_sensor(what: str, own: tuple[int, ...], own_unit: str, shape: tuple[int, ...], unit: str) -> None:
+    """Raise unless a calibration or background, named by `what`, fits frames of a shape and unit.
+
+    Raises:
+        InvalidValueError: It belongs to another sensor.
+    """
+    if shape != own:
+        raise InvalidValueError(
+            f"the {what} is of a sensor with frames of shape {own} (pads, 3, rows, cols), but this sensor's frames "
+            f"have shape {shape}"
+        )
+    if unit != own_unit:
+        raise InvalidValueError(f"the {what} is of channels in {own_unit}, but this sensor's are in {unit}")
 
 
 def side_by_side(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from paxisim.calibrate.background import Background
+from paxisim.calibrate.background import Background, check_sensor
 from paxisim.calibrate.fit import calibrate_readout
 from paxisim.calibrate.linear import LinearCalibration
 from paxisim.calibrate.load_model import Kind, LoadModel, fit_load_model
@@ -109,15 +109,7 @@ class Calibration(DocumentFile):
         Raises:
             InvalidValueError: The calibration belongs to another sensor.
         """
-        if shape != self.readout.offset.shape:
-            raise InvalidValueError(
-                f"the calibration is of a sensor with frames of shape {self.readout.offset.shape} (pads, 3, rows, "
-                f"cols), but this sensor's frames have shape {shape}"
-            )
-        if unit != (self.readout.unit or unit):
-            raise InvalidValueError(
-                f"the calibration is of channels in {self.readout.unit}, but this sensor's are in {unit}"
-            )
+        check_sensor("calibration", self.readout.offset.shape, self.readout.unit or unit, shape, unit)
 
     def _entries(self) -> dict[str, Any]:
         parts = {"readout": asdict(self.readout), "model": asdict(self.model)}

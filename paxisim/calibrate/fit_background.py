@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.calibrate.background import MAX_VALUES, Background, features, scaled, side_by_side
+from paxisim.calibrate.linear import delayed
+from paxisim.calibrate.loads import noise_of
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.recording import Recording
 
@@ -80,7 +81,7 @@ def fit_background(recording: Recording, covariates: str | Sequence[str]) -> Bac
         ((fit, ridge, left) for fit in choices for ridge, left in zip(RIDGES, fit.held_out(), strict=True)),
         key=lambda choice: float(np.sum(choice[2] ** 2)),
     )
-    error, before = (np.sqrt(np.mean(x**2, axis=0)) for x in (left, data.without_drift()))
+    error, before = (np.sqrt(np.mean(x**2, axis=0)) for x in (left, data.without_drift(data.channels)))
     total_before, total = (float(np.sqrt(np.mean(x**2))) for x in (before, error))
     if not total < USELESS * total_before:
         raise InvalidValueError(
@@ -89,7 +90,8 @@ def fit_background(recording: Recording, covariates: str | Sequence[str]) -> Bac
             "covariates, or a larger motion"
         )
     weights, drift = fit.solve(ridge)
-    noise = _noise(recording, data.used)
+    assert recording.measured is not None
+    noise = noise_of(recording.measured[:, data.used].astype(np.float64))
     _warn(data, names, fit, ridge, left, noise)
     drift_range = np.ptp(data.drift @ drift, axis=0)
     weights[0] += np.mean(data.drift @ drift, axis=0)
@@ -132,9 +134,10 @@ class _Data:
     sizes: tuple[int, ...]
     used: NDArray[np.bool_]
 
-    def without_drift(self) -> Array:
-        """Return the channels without a polynomial of time."""
-        return self.channels - self.drift @ np.linalg.lstsq(self.drift, self.channels, rcond=None)[0]
+    def without_drift(self, columns: Array) -> Array:
+        """Return ``(T, columns)`` without a polynomial of time."""
+        base = np.linalg.qr(self.drift)[0]
+        return columns - base @ (base.T @ columns)
 
 
 class _Fit:
@@ -257,18 +260,9 @@ def _spread_out(values: Array, count: int) -> Array:
     return values[chosen]
 
 
-def _noise(recording: Recording, used: NDArray[np.bool_]) -> Array:
-    """Return the standard deviation of each channel about the line through the samples before and after."""
-    assert recording.measured is not None
-    second = np.diff(recording.measured[:, used].astype(np.float64), n=2, axis=0)
-    second = second[np.isfinite(second).all(axis=1)]
-    return np.median(np.abs(second), axis=0) / (0.6745 * np.sqrt(6)) if len(second) else np.zeros(int(used.sum()))
-
-
 def _warn(data: _Data, names: tuple[str, ...], fit: _Fit, ridge: float, left: Array, noise: Array) -> None:
-    base = np.linalg.qr(data.drift)[0]
     moved = np.sum((data.values - data.values.mean(axis=0)) ** 2, axis=0)
-    alone = np.sum((data.values - base @ (base.T @ data.values)) ** 2, axis=0)
+    alone = np.sum(data.without_drift(data.values) ** 2, axis=0)
     for name, whole, own in zip(np.repeat(names, data.sizes), moved, alone, strict=True):
         if own < 0.05 * whole:
             warnings.warn(
@@ -288,7 +282,7 @@ def _warn(data: _Data, names: tuple[str, ...], fit: _Fit, ridge: float, left: Ar
             stacklevel=3,
         )
         return
-    errors = [fit.error_of_shift(_shifted(data, shift), ridge) for shift in SHIFTS]
+    errors = [fit.error_of_shift(delayed(data.time, data.episode, data.values, shift), ridge) for shift in SHIFTS]
     now, best = errors[len(SHIFTS) // 2], int(np.argmin(errors))
     if errors[best] < LATE * now:
         later = "later" if SHIFTS[best] > 0 else "earlier"
@@ -306,14 +300,3 @@ def _warn(data: _Data, names: tuple[str, ...], fit: _Fit, ridge: float, left: Ar
             UserWarning,
             stacklevel=3,
         )
-
-
-def _shifted(data: _Data, delay: float) -> Array:
-    """Return the covariates of `delay` seconds before each sample."""
-    out = np.empty_like(data.values)
-    ends = np.flatnonzero(np.diff(data.episode, prepend=data.episode[0] - 1, append=data.episode[-1] + 1))
-    for start, stop in itertools.pairwise(ends):
-        span = slice(start, stop)
-        for k in range(out.shape[1]):
-            out[span, k] = np.interp(data.time[span] - delay, data.time[span], data.values[span, k])
-    return out

@@ -149,14 +149,7 @@ class LinearCalibration:
 
     def earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the loads ``(T, loads)`` delayed by `delay`; the first and last load of an episode are held."""
-        if not self.delay:
-            return values
-        out = np.empty_like(values)
-        for span in episode_spans(recording.episode):
-            time = recording.time[span]
-            for k in range(values.shape[1]):
-                out[span, k] = np.interp(time - self.delay, time, values[span, k])
-        return out
+        return delayed(recording.time, recording.episode, values, self.delay) if self.delay else values
 
     def _about(self, pads: tuple[str, ...]) -> dict[str, Any]:
         return {
@@ -177,6 +170,17 @@ class LinearCalibration:
     def __str__(self) -> str:
         """Table of the delay, the loads and the channels."""
         return "\n".join([*_delay(self), "", *_loads(self), "", *_channels(self)])
+
+
+def delayed(
+    time: NDArray[np.float64], episode: NDArray[np.integer], values: NDArray[np.float64], delay: float
+) -> NDArray[np.float64]:
+    """Return ``(T, columns)`` values of `delay` seconds before each sample; an episode's first and last are held."""
+    out = np.empty_like(values)
+    for span in episode_spans(episode):
+        for k in range(values.shape[1]):
+            out[span, k] = np.interp(time[span] - delay, time[span], values[span, k])
+    return out
 
 
 def _delay(readout: LinearCalibration) -> list[str]:

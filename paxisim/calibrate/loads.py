@@ -128,10 +128,7 @@ def values_of(recording: Recording, loads: Sequence[Load]) -> NDArray[np.float64
 def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitation:
     """Return how well known values ``(T, loads)`` excite each load."""
     spread = values.std(axis=0)
-    if len(values) > 2:
-        noise = 1.4826 * np.median(np.abs(np.diff(values, 2, axis=0)), axis=0) / np.sqrt(6)
-    else:
-        noise = np.zeros(len(loads))
+    noise = noise_of(values)
     torque = np.array([load.is_torque for load in loads])
     largest = np.array([spread[torque == kind].max() for kind in torque])
     varies = (spread > 0) & (spread >= MIN_LOAD_SHARE * largest)
@@ -147,3 +144,13 @@ def excitation_of(loads: Sequence[Load], values: NDArray[np.float64]) -> Excitat
         alone[k] = rest.std() / spread[k]
     separable = excited & (alone >= MIN_UNEXPLAINED_SHARE) & (alone * spread >= MIN_LOAD_SNR * noise)
     return Excitation(spread, alone, excited, separable)
+
+
+def noise_of(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard deviation of the noise of each column of ``(T, ...)`` values, whatever moves them slowly.
+
+    It is taken from the second differences of the known samples; a few large ones do not count.
+    """
+    second = np.diff(values, 2, axis=0)
+    second = second[np.isfinite(second).all(axis=tuple(range(1, second.ndim)))]
+    return 1.4826 * np.median(np.abs(second), axis=0) / np.sqrt(6) if len(second) else np.zeros(values.shape[1:])

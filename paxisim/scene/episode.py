@@ -135,7 +135,7 @@ class EpisodeRunner:
         mujoco.mju_mulPose(*put, *left, *relative)
         mujoco.mj_setState(model, data, state, _STATE)
         data.qpos[address : address + 7] = np.concatenate(put)
-        dof = int(model.jnt_dofadr[np.flatnonzero(model.jnt_qposadr == address)[0]])
+        dof = int(model.jnt_dofadr[self._rig.joint_at(address)])
         data.qvel[dof : dof + 6] = 0.0
         return self.state()
 

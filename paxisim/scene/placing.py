@@ -83,7 +83,7 @@ def place_objects(
         raise InvalidValueError(f"placing needs a scene with one free object, got {len(follower.rig.free)}")
     (address,) = follower.rig.free
     model = follower.rig.model
-    body = model.body(int(model.jnt_bodyid[np.flatnonzero(model.jnt_qposadr == address)[0]])).name
+    body = model.body(int(model.jnt_bodyid[follower.rig.joint_at(address)])).name
     starts = dict(follower.objects)
     numbers, poses, places = np.zeros(len(recording), int), np.zeros((len(recording), 7)), []
     for part in recording.episodes():

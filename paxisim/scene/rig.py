@@ -77,11 +77,15 @@ class Rig:
         joints = np.flatnonzero(self.model.jnt_type == _FREE)
         return tuple(int(self.model.jnt_qposadr[joint]) for joint in joints if joint not in driven)
 
+    def joint_at(self, address: int) -> int:
+        """Return the id of the joint whose position begins at an index in ``qpos``."""
+        return int(np.flatnonzero(self.model.jnt_qposadr == address)[0])
+
     @cached_property
     def weights(self) -> tuple[tuple[int, float], ...]:
         """Body and weight (N) of each free object that no stream moves."""
         gravity = float(np.linalg.norm(self.model.opt.gravity))
-        bodies = [int(self.model.jnt_bodyid[np.flatnonzero(self.model.jnt_qposadr == at)[0]]) for at in self.free]
+        bodies = [int(self.model.jnt_bodyid[self.joint_at(at)]) for at in self.free]
         return tuple((body, gravity * float(self.model.body_subtreemass[body])) for body in bodies)
 
     @cached_property
