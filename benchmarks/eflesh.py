@@ -24,8 +24,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported
 import numpy as np
 
 import paxisim
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.repeats import settled
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.repeats import settled
 
 LAGS = (1, 2, 4, 8, 16, 32)  # samples that the black box looks back
 

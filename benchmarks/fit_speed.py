@@ -15,13 +15,12 @@ import numpy as np
 from hidden.cases import make
 from scipy.optimize import least_squares
 
-from paxisim.diagnose.fitting import Fitter
-from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.model import Model
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.squares import Squares, best_start
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.scorer.model import Model
+from paxisim.diagnose.scorer.scorer import Scorer
+from paxisim.diagnose.scorer.squares import Squares, best_start
 from paxisim.recording import Recording
 
 SETS = (("creep",), ("stiffening", "rotation"), ("hysteresis", "gel_operator", "latency"))
@@ -35,8 +34,7 @@ def main() -> None:
         recording = Recording(case.time, case.measured, case.simulated, case.covariates, case.episode)
         problem = problem_of(recording)
         causes = [cause(n) for n in (*names, "offset")]
-        folds = folds_of(problem, causes, Rules())
-        fitter = Fitter(problem, folds)
+        fitter = Scorer(problem, causes, Rules()).fitter
         rows = fitter.rows(causes, {"offset": ()})
         squares = Squares(Model(fitter.problem, causes, rows), causes)
         zero = np.zeros((1, *rows.alive.shape))

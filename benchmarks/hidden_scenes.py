@@ -32,7 +32,7 @@ from hidden_scene.cases import CAUSES, case
 from hidden_scene.known import known_sensor
 
 import paxisim
-from paxisim.diagnose.inside.responses import SHOWN
+from paxisim.diagnose.data.responses import SHOWN
 
 BESIDE = ("axis_gain", "latency", "creep")
 IN_SCENE = set(CAUSES)

@@ -20,12 +20,11 @@ from hidden.cases import make
 from hidden.effects import EFFECTS
 from hidden_table.cases import recording
 
-from paxisim.diagnose.fitting import Fitter
-from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.scorer.scorer import Scorer
 
 STRENGTH = 0.85
 SEED = 100
@@ -48,8 +47,7 @@ def left(hidden: Hidden) -> tuple[float, float]:
     )  # fmt: skip
     problem = problem_of(prepare(recording(case))[0])
     causes = [cause("offset"), cause(hidden.name)]
-    folds = folds_of(problem, causes, Rules())
-    fit = Fitter(problem, folds).fit(causes)
+    fit = Scorer(problem, causes, Rules()).fit([item.name for item in causes])
     level = replace(problem, curves=np.ones((1, len(problem.time))))
     ideal = float(np.sum(level.weigh(problem.measured - case.ideal) ** 2))
     effect = fit.effects[hidden.name]

@@ -26,12 +26,13 @@ from functools import partial
 from harness import here, wilson
 from hidden_table.cases import Task, recording, tasks
 
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.reading import read_off
+from paxisim.diagnose.causes.detected import read_off
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.search import Search
-from paxisim.diagnose.searched import explained, search_of, wanted_of
+from paxisim.diagnose.scorer.scorer import Scorer
+from paxisim.diagnose.search import search
+from paxisim.diagnose.stages import Ready, confirm, scorer_of, wanted_of
 
 KINDS = {"single": "exact singles", "pair": "exact pairs", "null": "false names in nulls"}
 BASELINE = "as they are"
@@ -88,20 +89,20 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
         recorded, _ = prepare(recording(task.made()))
         raw = problem_of(recorded)
         wanted, _ = wanted_of(raw, None, {})
-        off = read_off(raw, wanted)
-        searches: dict[tuple[float, ...], Search] = {}
+        ready = Ready(recorded, (), (), tuple(wanted), {}, raw, read_off(raw, wanted))
+        scorers: dict[tuple[float, ...], Scorer] = {}
         answers = []
         for row in rows:
             folds = tuple(getattr(row.rules, name) for name in OF_FOLDS)
-            if folds not in searches:
-                searches[folds] = search_of(off, wanted, 1, silently, row.rules)
-            search = copy.copy(searches[folds])  # keeps the fits of the previous rows
+            if folds not in scorers:
+                scorers[folds] = scorer_of(ready, 1, silently, row.rules)
+            scorer = copy.copy(scorers[folds])  # keeps the fits of the previous rows
             causes = [
                 replace(item, **{name: factor * getattr(item, name) for name, factor in row.factors})
-                for item in searches[folds].causes.values()
+                for item in scorers[folds].causes.values()
             ]
-            search.rules, search.causes = row.rules, {item.name: item for item in causes}
-            found = explained(off, search, 0, 1, silently).found
+            scorer.rules, scorer.causes = row.rules, {item.name: item for item in causes}
+            found = confirm(ready, scorer, search(scorer), 0, 1, silently).found
             answers.append(tuple(item.name for item in found.named))
     return answers
 

@@ -11,8 +11,8 @@ import pytest
 from load_rig import NAMES, motion, rig
 
 import paxisim
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 EFLESH = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import paxisim
-from paxisim.diagnose.inside.responses import SHOWN
+from paxisim.diagnose.data.responses import SHOWN
 from paxisim.diagnose.inside.study import Study
 from paxisim.scene.replays import Replays
 

@@ -85,7 +85,7 @@ def diagnose(
         return
     recording = recordings[0]
     from paxisim.augment.chain import Chain
-    from paxisim.diagnose.run import diagnose as run
+    from paxisim.diagnose.pipeline import diagnose as run
     from paxisim.recording import Recording
     from paxisim.scene.scene import Scene
 

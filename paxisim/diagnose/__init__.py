@@ -38,8 +38,8 @@ class _Callable(ModuleType):
         progress: Callable[[str, float], None] | None = None,
         replays: Path | None = None,
     ) -> Diagnosis:
-        """See `paxisim.diagnose.run.diagnose`."""
-        from paxisim.diagnose.run import diagnose
+        """See `paxisim.diagnose.pipeline.diagnose`."""
+        from paxisim.diagnose.pipeline import diagnose
 
         return diagnose(
             recording, causes, scene=scene, sensor=sensor, seed=seed, jobs=jobs, progress=progress, replays=replays

@@ -7,14 +7,14 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.inside.responses import in_si
-from paxisim.diagnose.report.streams import Streams
+from paxisim.diagnose.data.responses import in_si
 from paxisim.diagnose.report.text import text_of
+from paxisim.diagnose.result import FoundCause, HeldOut, Streams, Symptoms, Verdict
 from paxisim.document import Document, built, finite
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.files import all_or_none, parse_file, whole_file
@@ -22,181 +22,6 @@ from paxisim.scene.scene import Scene
 
 REPORT_FILE, MODEL_FILE = "report.html", "model.json"
 SCENE_FILE = "fitted_scene.toml"  # scene.toml may be the user's own
-
-Verdict = Literal[
-    "no_discrepancy", "clocks_differ", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"
-]
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate with its 90% confidence interval.
-
-    Attributes:
-        value: The estimate.
-        low: Lower end of the interval; None if there is no interval, as with a single episode.
-        high: Upper end, or None.
-    """
-
-    value: float
-    low: float | None = None
-    high: float | None = None
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Lower and upper end; both equal the estimate if there is no interval."""
-        return (self.value, self.value) if self.low is None or self.high is None else (self.low, self.high)
-
-    def __str__(self) -> str:
-        """``0.12 [0.10, 0.14]``."""
-        if self.low is None or self.high is None:
-            return f"{self.value:.3g}"
-        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
-
-
-@dataclass(frozen=True)
-class FittedParameter:
-    """A fitted parameter of a cause.
-
-    Attributes:
-        name: Name of the parameter.
-        unit: Unit, ``"1"`` if dimensionless.
-        value: The estimate with its 90% interval.
-        words: Explanation, if the name alone is not clear.
-    """
-
-    name: str
-    unit: str
-    value: Interval
-    words: str = ""
-
-
-@dataclass(frozen=True)
-class FoundPart:
-    """A part of a cause, with its own gain.
-
-    Attributes:
-        name: Name of the part, such as "Poisson effect".
-        words: What it does, in a few words.
-        parameters: Names of its parameters among those of the cause.
-        gain: Reduction of the held-out error energy compared with the model refitted without the part, as a share of
-            the explainable error.
-    """
-
-    name: str
-    words: str
-    parameters: tuple[str, ...]
-    gain: Interval
-
-
-@dataclass(frozen=True)
-class FoundCause:
-    """A cause that the diagnosis names.
-
-    Attributes:
-        name: Name of the cause, as in `known_causes`.
-        parameters: Fitted parameters with units and intervals.
-        gain: Reduction of the held-out error energy compared with the model refitted without the cause, as a share of
-            the explainable error.
-        rivals: Causes that fit equally well in its place.
-        evidence: Reason why the cause is named, in a sentence.
-        parts: Its parts that matter, if it has any, largest gain first.
-    """
-
-    name: str
-    parameters: tuple[FittedParameter, ...]
-    gain: Interval
-    rivals: tuple[str, ...]
-    evidence: str
-    parts: tuple[FoundPart, ...] = ()
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Errors on held-out episodes.
-
-    The normalised RMSE is the RMS error over all channels in use and all samples, divided by the RMS of the measured
-    force.
-
-    Attributes:
-        nrmse_before: Normalised RMSE of the simulation.
-        nrmse_after: Normalised RMSE of the extended model.
-        noise_floor: Normalised RMSE that noise and rounding alone would cause.
-        noise_source: "repeated motions" or "high-frequency differences".
-        explained: Share of the explainable error that the model explains, where the explainable error is the energy
-            above the noise floor; None if there is nothing to explain.
-        gain_per_episode: Share of each episode's error energy that the model removes.
-        ceiling_nrmse: Normalised RMSE of a black-box model (gradient boosting on lagged inputs); None if it was not
-            run.
-        ceiling_explained: Share of the explainable error that the black box explains.
-        note: Caveats about the figures; empty if there are none.
-    """
-
-    nrmse_before: float
-    nrmse_after: float
-    noise_floor: float
-    noise_source: str
-    explained: Interval | None
-    gain_per_episode: tuple[float, ...]
-    ceiling_nrmse: float | None = None
-    ceiling_explained: float | None = None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Place:
-    """Share of the error energy at one place, before and after the correction.
-
-    Attributes:
-        where: A pad, axis, taxel, phase, frequency band or covariate.
-        before: Share of the simulation's error energy found there.
-        after: Error energy of the extended model there, as a share of the same total.
-    """
-
-    where: str
-    before: float
-    after: float
-
-
-@dataclass(frozen=True)
-class LeftOver:
-    """Structure in the residual, or a near miss: a cause that falls short of being named.
-
-    Attributes:
-        what: Description.
-        statistic: Test statistic.
-        limit: The threshold that it exceeds.
-    """
-
-    what: str
-    statistic: float
-    limit: float
-
-
-@dataclass(frozen=True)
-class Symptoms:
-    """Where the error is, and warnings about the recording.
-
-    Attributes:
-        warnings: Problems with the recording and caveats.
-        left_over: Structure in the residual, and near misses.
-        pads: Shares of the error energy by pad.
-        axes: Shares by axis.
-        taxels: Shares of the ten worst taxels.
-        phases: Shares by phase: free, loading, holding, unloading, sliding.
-        frequencies: Shares by frequency band.
-        covariates: Squared correlation of the error with each covariate.
-    """
-
-    warnings: tuple[str, ...] = ()
-    left_over: tuple[LeftOver, ...] = ()
-    pads: tuple[Place, ...] = ()
-    axes: tuple[Place, ...] = ()
-    taxels: tuple[Place, ...] = ()
-    phases: tuple[Place, ...] = ()
-    frequencies: tuple[Place, ...] = ()
-    covariates: tuple[Place, ...] = ()
-
 
 _PARTS = {
     "causes": tuple[FoundCause, ...],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.vocabulary import known_causes
+from paxisim.diagnose.causes.vocabulary import known_causes
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording

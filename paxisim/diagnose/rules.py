@@ -52,3 +52,7 @@ class Rules:
     near_miss: float = 0.6
     explains: float = 0.2
     visible: float = 2.0
+
+
+IN_SCENE = Rules(contest=8)
+"""More candidates per place than by default, because the scene's causes join the sensor's."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from paxisim.diagnose.advice import MOTIONS
-from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.diagnose.causes.vocabulary import cause, known_causes
+from paxisim.diagnose.explain.advice import MOTIONS
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 
@@ -19,7 +19,7 @@ class Segment:
         episode: Episode of the recording that the segment belongs to.
         does: Description of the motion.
         motions: Motions recommended by a diagnosis that the segment provides: keys of
-            `paxisim.diagnose.advice.MOTIONS`; empty for a move from one place to the next.
+            `paxisim.diagnose.explain.advice.MOTIONS`; empty for a move from one place to the next.
         waypoints: Points where the motion rests, each a time (s, from the beginning of the protocol) and a position of
             each stream (m).
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from recorded import diagnosed, make, recording_of, small
 
-from paxisim.diagnose.adequacy import SHAPE, left_over
-from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.shapes import MAX_FRAMES, MAX_GROUPS, shapes_of
+from paxisim.diagnose.data.problem import problem_of
+from paxisim.diagnose.explain.adequacy import SHAPE, left_over
+from paxisim.diagnose.explain.shapes import MAX_FRAMES, MAX_GROUPS, shapes_of
 
 
 def problem(causes=(), seed=1, **options):

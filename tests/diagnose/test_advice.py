@@ -2,8 +2,8 @@
 
 from recorded import diagnosed, make, recording_of
 
-from paxisim.diagnose.advice import MOTIONS, advice, motions_of
-from paxisim.diagnose.causes import CAUSES
+from paxisim.diagnose.causes.vocabulary import CAUSES
+from paxisim.diagnose.explain.advice import MOTIONS, advice, motions_of
 
 EXCITES = {item.name: item.excites for item in CAUSES}
 

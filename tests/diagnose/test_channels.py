@@ -8,14 +8,14 @@ from field_sensor import press
 from recorded import diagnosed
 
 import paxisim
-from paxisim.diagnose.diagnosis import HeldOut, Interval
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.repeats import one_speed, settling
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.problem import problem_of
+from paxisim.diagnose.data.repeats import one_speed, settling
 from paxisim.diagnose.report.effect import effects
 from paxisim.diagnose.report.kinds import evidence
 from paxisim.diagnose.report.style import drawing
 from paxisim.diagnose.report.text import black_box_in_words
+from paxisim.diagnose.result import HeldOut, Interval
 
 CAUSES = ("channel_curve", "latency", "hysteresis", "rotation", "stiffening", "offset")
 ALL = np.ones(1, dtype=bool)  # channels

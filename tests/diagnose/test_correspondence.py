@@ -8,8 +8,8 @@ import pytest
 from recorded import EFFECTS, OUTSIDERS, diagnosed, names, small
 
 from paxisim.cli import main
-from paxisim.diagnose.correspondence import correspondence_of
-from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.data.correspondence import correspondence_of
+from paxisim.diagnose.data.prepare import prepare
 from paxisim.recording import Recording
 
 STRONG = 0.95

@@ -14,8 +14,8 @@ from recorded import diagnosed, names, small
 import paxisim.diagnose as package
 from paxisim.augment.chain import Chain
 from paxisim.diagnose import Diagnosis
-from paxisim.diagnose.diagnosis import Interval
-from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.pipeline import diagnose
+from paxisim.diagnose.result import Interval
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 CAUSES = ("axis_gain", "rotation", "latency")

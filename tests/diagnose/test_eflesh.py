@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import paxisim
-from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.pipeline import diagnose
 
 FOLDER = Path(os.environ.get("PAXISIM_EFLESH") or Path(paxisim.__file__).parents[2] / "shared" / "data" / "eflesh")
 CAUSES = ("channel_curve", "latency", "creep", "hysteresis")

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from paxisim.augment import Chain, Creep, DeadTaxels, FailingTaxels, LayoutFault, SwappedTaxels
-from paxisim.diagnose.diagnosis import Diagnosis, FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
+from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.report.faults import fault_in_words
+from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
 
 
 def diagnosis(name, member):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from recorded import plain
 
-from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.scorer.scorer import Scorer
 
 RULES = Rules()
 
@@ -20,7 +20,7 @@ def recording():
 
 
 def folds(recording, *names):
-    return folds_of(problem_of(recording), [cause(name) for name in names], RULES)
+    return Scorer(problem_of(recording), [cause(name) for name in names], RULES).folds
 
 
 def test_each_episode_is_a_unit_and_a_fold(recording):

@@ -5,12 +5,11 @@ import pytest
 from recorded import diagnosed, names, plain
 from scipy.signal import lfilter
 
-from paxisim.diagnose.cause import Gauge
-from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.kinds import Gauge
+from paxisim.diagnose.causes.vocabulary import cause, known_causes
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.search import Search
-from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.diagnose.scorer.scorer import Scorer
 
 NEAR = ("axis_gain", "creep", "hysteresis", "stiffening", "low_pass", "offset", "interference")
 SEED = 5
@@ -71,7 +70,7 @@ def test_a_gain_is_tried_before_the_causes_whose_gauge_is_that_gain():
     problem, rules = problem_of(plain(lambda force, time: 0.8 * force, seed=SEED)), Rules()
     items = [item for item in map(cause, known_causes()) if item.name == "axis_gain" or item.gauge is not None]
     assert len(items) > rules.contest, "there should be more causes than the contest tries"
-    ranked = Search(problem, items, folds_of(problem, items, rules), rules).ranked(())
+    ranked = Scorer(problem, items, rules).ranked(())
     assert ranked[0][1] == "axis_gain"
     assert ranked[-1][0] > 0.95 * ranked[0][0], "all causes should promise nearly as much"
 

@@ -7,13 +7,12 @@ import pytest
 from recorded import diagnosed, plain
 
 from paxisim import augment
-from paxisim.diagnose.explanation import heldout_of
-from paxisim.diagnose.fitting import Fitter
-from paxisim.diagnose.folds import folds_of
-from paxisim.diagnose.heldout import SquaredErrors, explained_share, gains_of, survives
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.problem import problem_of
+from paxisim.diagnose.explain.explanation import heldout_of
+from paxisim.diagnose.explain.heldout import SquaredErrors, explained_share, gains_of, survives
 from paxisim.diagnose.rules import Rules
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.scorer.scorer import Scorer
 
 EPISODES = 8
 CREEP = augment.Creep((0.2,), (1.0,))
@@ -33,10 +32,9 @@ def odd(problem, number):
 
 def heldout(problem, names):
     causes = [cause(name) for name in names]
-    folds = folds_of(problem, causes, Rules(lone=2.0))  # whole episodes
-    assert not folds.split
-    fitter = Fitter(problem, folds)
-    return heldout_of(problem, folds, fitter.exact(fitter.fit(causes)))
+    scorer = Scorer(problem, causes, Rules(lone=2.0))  # whole episodes
+    assert not scorer.folds.split
+    return heldout_of(problem, scorer.folds, scorer.exact(scorer.fit(names)))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import paxisim
 from paxisim.cli import main
 from paxisim.diagnose import Diagnosis, FoundCause, Interval
 from paxisim.diagnose.causes.scene import SCENE_CAUSES
-from paxisim.diagnose.report.streams import InScene, Streams
+from paxisim.diagnose.result import InScene, Streams
 
 LAYOUT = paxisim.TaxelLayout(3, 3, (5e-3, 5e-3))
 EPISODES = 6

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from paxisim import augment
-from paxisim.diagnose import prepare as preparing
-from paxisim.diagnose.noise import Tolerance, rate
-from paxisim.diagnose.prepare import prepare
-from paxisim.diagnose.problem import MAX_FITTED_VALUES, Problem, with_noise
+from paxisim.diagnose.data import prepare as preparing
+from paxisim.diagnose.data.noise import Tolerance, rate
+from paxisim.diagnose.data.prepare import prepare
+from paxisim.diagnose.data.problem import MAX_FITTED_VALUES, Problem, with_noise
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 

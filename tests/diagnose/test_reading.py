@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from paxisim import augment
-from paxisim.diagnose.problem import Problem
-from paxisim.diagnose.reading import read_off
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.causes.detected import read_off
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.problem import Problem
 from paxisim.errors import InvalidValueError
 
 EPISODES, FRAMES, NOISE = 8, 60, 0.02

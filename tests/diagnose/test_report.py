@@ -16,9 +16,9 @@ from recorded import diagnosed, names
 from report_pages import check_pictures, pictures_of, recording
 
 from paxisim.diagnose import Diagnosis
-from paxisim.diagnose.diagnosis import Symptoms
-from paxisim.diagnose.run import diagnose
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.pipeline import diagnose
+from paxisim.diagnose.result import Symptoms
 from paxisim.errors import MissingExtraError
 
 CHROME = browser.find()

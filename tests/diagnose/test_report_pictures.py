@@ -12,16 +12,14 @@ from report_pages import check_pictures, drawn, pictures_of, recording
 
 from paxisim import augment
 from paxisim.diagnose import Diagnosis
-from paxisim.diagnose.causes import CAUSES
-from paxisim.diagnose.diagnosis import FittedParameter, FoundCause, HeldOut, Interval, Symptoms
-from paxisim.diagnose.model import in_order
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.causes.vocabulary import CAUSES, cause
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
 from paxisim.diagnose.report.kinds import PICTURES
-from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import binned, drawing, scattered
 from paxisim.diagnose.report.traces import worst_episodes
-from paxisim.diagnose.vocabulary import cause
+from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Interval, Streams, Symptoms
+from paxisim.diagnose.scorer.model import in_order
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 

@@ -5,7 +5,7 @@ import pytest
 from recorded import diagnosed, names, plain
 
 from paxisim import augment
-from paxisim.diagnose.advice import motions_of
+from paxisim.diagnose.explain.advice import motions_of
 
 SLOW = {"family": "poor", "duration": 9.0}
 """One slow speed, one direction of shear."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.problem import problem_of
-from paxisim.diagnose.report.symptoms import phases_of, symptoms
+from paxisim.diagnose.data.problem import problem_of
+from paxisim.diagnose.explain.symptoms import phases_of, symptoms
 from paxisim.recording import Recording
 
 RATE = 50.0

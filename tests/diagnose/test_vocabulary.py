@@ -5,8 +5,9 @@ import pytest
 from recorded import diagnosed, names, plain
 
 from paxisim import augment
-from paxisim.diagnose import Cause, Free, known_causes, register_cause, vocabulary
-from paxisim.diagnose.causes import CAUSES
+from paxisim.diagnose import Cause, Free, known_causes, register_cause
+from paxisim.diagnose.causes import vocabulary
+from paxisim.diagnose.causes.vocabulary import CAUSES
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 SCENE = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paxisim.diagnose.run import diagnose
+from paxisim.diagnose.pipeline import diagnose
 from paxisim.errors import InvalidValueError
 from paxisim.logs import stopped as module
 from paxisim.recording import Recording

@@ -5,7 +5,7 @@ import pytest
 from scene.rigs import LAYOUT, press, recording, steps_of
 
 import paxisim
-from paxisim.diagnose.problem import problem_of
+from paxisim.diagnose.data.problem import problem_of
 from paxisim.scene import ready
 from paxisim.scene.encoder import EncoderError
 

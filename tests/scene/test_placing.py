@@ -11,7 +11,7 @@ import paxisim
 from paxisim import InvalidValueError, ObjectStart, Recording
 from paxisim.augment import AxisGain, Chain, Latency
 from paxisim.cli import main
-from paxisim.diagnose.prepare import prepare
+from paxisim.diagnose.data.prepare import prepare
 
 SHIFT, TURN = 6e-4, np.radians(0.7)  # along x, into the first pad is -x
 STOOD = ObjectStart("box", (SHIFT, 0, 0.02), (np.cos(TURN / 2), 0, 0, np.sin(TURN / 2)))

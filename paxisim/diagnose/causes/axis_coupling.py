@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Values, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Values, one_away
+from paxisim.diagnose.data.problem import Problem
 
 # Within the plane of the pad only the symmetric part: the antisymmetric part is a `rotation` about the normal.
 COUPLED = {

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import AXES, Cause, Free, one_away
 from paxisim.diagnose.causes.channel_curve import bent_apart
+from paxisim.diagnose.causes.kinds import AXES, Cause, Free, one_away
 
 AXIS_GAIN = Cause(
     "axis_gain",

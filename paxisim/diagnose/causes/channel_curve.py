@@ -9,8 +9,8 @@ from scipy.stats import t as student
 
 from paxisim import augment
 from paxisim.augment.channel_curve import hats
-from paxisim.diagnose.cause import Cause, Local, Values
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Local, Values
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 KNOTS = 9
 MATERIAL_BEND = 0.01  # materiality of the deviation of a curve from a straight line, in units of the peak

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Gauge
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Gauge
+from paxisim.diagnose.data.problem import Problem
 
 HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
 

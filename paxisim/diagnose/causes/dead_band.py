@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Gauge, Values
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 
 def _least(problem: Problem) -> float:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Reading
 from paxisim.diagnose.causes.failures import failures_of
+from paxisim.diagnose.causes.kinds import Cause, Reading
 from paxisim.diagnose.causes.read_only import not_made
-from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
 
 FAINT = 0.3  # smallest shear gain of a working taxel
 CONSISTENT = 1.6  # smallest z-score of the response summed over episodes that counts as a response

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Course, Values
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Course, Values
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MIN_EPISODES = 4
 MIN_SECONDS = 30.0

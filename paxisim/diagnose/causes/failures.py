@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
 
 MIN_GAIN_BEFORE = 0.3  # smallest gain of a channel before it fails
 MAX_GAIN_AFTER = 0.12  # largest gain of a failed channel

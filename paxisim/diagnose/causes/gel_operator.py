@@ -8,10 +8,10 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.augment.gel_operator import KINDS
-from paxisim.diagnose.cause import Cause, CausePart, Free, Values
 from paxisim.diagnose.causes.channel_curve import no_neighbours
-from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, CausePart, Free, Values
+from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
+from paxisim.diagnose.data.problem import Problem
 
 SHARED = 0.012  # materiality of the sum of what all neighbours read of a load
 PROFILES = {"next": (1.0, 0.0, 0.0, 0.0, 0.0), "diagonal": (0.0, 1.0, 0.0, 0.0, 0.0), "far": (0.0, 0.0, 1.0, 0.8, 0.5)}

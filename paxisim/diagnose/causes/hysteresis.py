@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Gauge, one_away
+from paxisim.diagnose.causes.kinds import Cause, Free, Gauge, one_away
 
 RADII = (0.02, 0.06, 0.15, 0.4)  # radii of the play operators, in units of the peak
 

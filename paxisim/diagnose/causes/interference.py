@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Course, Values
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Course, Values
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 
 def _curves(problem: Problem, shape: Values) -> FloatArray:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free
+from paxisim.diagnose.causes.kinds import Cause, Free
 from paxisim.diagnose.causes.low_pass import capacity
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.data.problem import Problem
 
 
 def _barred(problem: Problem) -> str:
@@ -21,6 +21,10 @@ LATENCY = Cause(
     lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
     lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
     misfit=0.003,
+    of_replay=(
+        "an offset between the clocks of robot and sensor has the same effect, and this recording cannot tell the two "
+        "apart"
+    ),
     barred=_barred,
     words="There is a constant delay between measurement and simulation.",
     picture="shift",

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Reading
 from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.kinds import Cause, Reading
 from paxisim.diagnose.causes.read_only import not_made
-from paxisim.diagnose.problem import FloatArray, Problem, with_noise
+from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 
 MIN_MOVED_SHARE = 0.7  # share of the moved taxels that must correlate at least as well at their new place
 EQUAL_CORRELATION = 0.02  # largest difference between correlations that count as equal

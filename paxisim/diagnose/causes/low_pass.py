@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import Cause, Free, Values
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Values
+from paxisim.diagnose.data.problem import Problem
 
 
 def _make(values: Values, problem: Problem) -> Transform:

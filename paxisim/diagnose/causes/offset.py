@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Course
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, Course
+from paxisim.diagnose.data.problem import Problem
 
 
 def _zero_is_fitted(problem: Problem) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Reading
+from paxisim.diagnose.causes.kinds import Cause, Reading
 from paxisim.diagnose.causes.read_only import not_made
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.data.problem import Problem
 
 DEVICE_STEP = 0.1  # N per count of a PaXini sensor
 COARSER = 1.2  # in units of that step; coarser rounding is a cause

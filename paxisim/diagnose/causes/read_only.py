@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import Values
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Values
+from paxisim.diagnose.data.problem import Problem
 from paxisim.errors import InvalidValueError
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.cause import AXES, Cause, Free, one_away
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import AXES, Cause, Free, one_away
+from paxisim.diagnose.data.problem import Problem
 
 TILT_PRIOR = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
 MAX_TILT = 0.09  # rad

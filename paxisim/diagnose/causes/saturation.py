@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Gauge, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Gauge, Values
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MATERIAL_LIMIT = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening
 

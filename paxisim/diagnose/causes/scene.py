@@ -13,10 +13,10 @@ from math import radians
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.cause import Cause, Free, Values, one_away
-from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
-from paxisim.diagnose.inside.responses import SHOWN, SPREAD
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Values, one_away
+from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.responses import SHOWN, SPREAD
 from paxisim.scene.parameters import Group
 
 SCENE_ORDER = -10.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Free, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.problem import Problem
+from paxisim.diagnose.causes.kinds import Cause, Free, Values
+from paxisim.diagnose.data.problem import Problem
 
 MATERIAL_CHANGE = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Reading
 from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.kinds import Cause, Reading
 from paxisim.diagnose.causes.read_only import not_made
-from paxisim.diagnose.problem import FloatArray, Problem, with_noise
+from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 
 MIN_PAIR_LOAD = 0.1  # least energy of either taxel, relative to the most loaded one; weak loads depend on placing
 MAX_RESIDUAL = 0.5  # largest residual with the other taxel's force, relative to that with the taxel's own force

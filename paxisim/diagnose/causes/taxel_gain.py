@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from paxisim import augment
-from paxisim.diagnose.cause import Cause, Local, Values
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.noise import Tolerance, differences
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.causes.kinds import Cause, Local, Values
+from paxisim.diagnose.data.noise import Tolerance, differences
+from paxisim.diagnose.data.problem import FloatArray, Problem
 
 GAIN_PRIOR = 0.1  # initial standard deviation of the prior of the gains
 MIN_SPREAD = 0.01  # smallest estimate of that standard deviation

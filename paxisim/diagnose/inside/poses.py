@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.inside.deviations import CORRELATED_SAMPLES
-from paxisim.diagnose.inside.responses import SPREAD
-from paxisim.diagnose.problem import FloatArray, Problem
+from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.responses import SPREAD
 from paxisim.scene.parameters import SceneParameter
 
 PRIOR_STEPS = 3.0  # standard deviation of the prior of a number of the scene, in steps

@@ -20,18 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.causes.scene import MEAN_POSE
-from paxisim.diagnose.diagnosis import Diagnosis
-from paxisim.diagnose.fitting import Fit, Fitter
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.responses import SHOWN
 from paxisim.diagnose.inside.poses import Poses, fitted_poses
-from paxisim.diagnose.inside.responses import SHOWN
 from paxisim.diagnose.inside.study import Study
 from paxisim.diagnose.known import KnownSensor
-from paxisim.diagnose.model import Model
-from paxisim.diagnose.problem import FloatArray, Problem
-from paxisim.diagnose.report.streams import InScene
-from paxisim.diagnose.rivals import in_place
-from paxisim.diagnose.search import Search
-from paxisim.diagnose.searched import Searched, begin, explained, search_of
+from paxisim.diagnose.result import InScene
+from paxisim.diagnose.scorer.fitting import Fit, Fitter
+from paxisim.diagnose.scorer.model import Model
+from paxisim.diagnose.scorer.scorer import Scorer
+from paxisim.diagnose.search import rivals_in_place, search
+from paxisim.diagnose.stages import Confirmed, Ready, Tell, confirm, ready_for_search, scorer_of
 from paxisim.recording import Recording
 from paxisim.scene.changed import changed
 from paxisim.scene.replays import Replays
@@ -41,21 +40,21 @@ POSE_FITS = 2  # fits of the poses before anything else
 MAX_REFINEMENTS = 3  # most replays near the fitted values, each followed by a fit
 POSES_END, REPLAYS_END, SEARCH_END = 0.1, 0.35, 0.6  # progress after the poses, the replays and the first search
 
-Tell = Callable[[str, float], None]
-
 
 @dataclass(frozen=True, eq=False)
 class FoundInScene:
     """Result of the rounds.
 
     Attributes:
-        searched: Result of the last search.
+        ready: The recording as it was searched last.
+        confirmed: What that search found.
         scene: The scene with the fitted values.
         values: Fitted numbers by name, in SI units.
         streams: Streams simulated in that scene.
     """
 
-    searched: Searched
+    ready: Ready
+    confirmed: Confirmed
     scene: Scene
     values: Mapping[str, float]
     streams: InScene
@@ -70,18 +69,18 @@ def in_scene(
     jobs: int,
     tell: Tell,
     folder: Path | None,
-) -> FoundInScene | Diagnosis:
+) -> FoundInScene:
     """See `paxisim.diagnose`.
 
-    Returns:
-        The result, or a diagnosis that the two streams are not of the same motion.
+    Raises:
+        UnrelatedError: The streams do not show the same motion.
     """
     tell("replaying the motion", 0.0)
     replay = scene.prepare(recording)
     scene = replay.scene
-    begun_at = time.monotonic()
+    started = time.monotonic()
     episodes = [replay.run(number) for number in replay.episodes]
-    seconds = time.monotonic() - begun_at
+    seconds = time.monotonic() - started
     recording = replay.paired(episodes)
     closings = {episode.number: episode.closings for episode in episodes}
     with Replays(scene, recording, closings, jobs=jobs, folder=folder) as replays:
@@ -89,34 +88,27 @@ def in_scene(
         cost = f"{study.count} replays in all, about {_in_words(study.count * seconds / jobs)}"
         study.glance(_part(tell, 0.0, POSES_END, cost))
         for _ in range(POSE_FITS):
-            begun = begin(_simulated(recording, study), causes, study.responses(), tell)
-            if isinstance(begun, Diagnosis):
-                return begun
-            study.move(_poses(begun.off.problem, study, begun.off.problem.thinned.at_compared))
+            ready = ready_for_search(_simulated(recording, study), causes, study.responses(), tell)
+            study.move(_poses(ready.off.problem, study, ready.off.problem.thinned.at_compared))
         study.screen(_part(tell, POSES_END, REPLAYS_END, cost))
-        begun = begin(_simulated(recording, study), causes, study.responses(), tell)
-        if isinstance(begun, Diagnosis):
-            return begun
-        search = search_of(begun.off, begun.wanted, jobs, _part(tell, REPLAYS_END, SEARCH_END))
-        names = search.run()
-        sets, replayed, last = [*_rivals(search, names), names], {}, _part(tell, SEARCH_END, 1.0)
+        ready = ready_for_search(_simulated(recording, study), causes, study.responses(), tell)
+        scorer = scorer_of(ready, jobs, _part(tell, REPLAYS_END, SEARCH_END))
+        names = search(scorer)
+        sets, replayed, last = [*_rivals(scorer, names), names], {}, _part(tell, SEARCH_END, 1.0)
         for _ in range(MAX_REFINEMENTS):
-            *beside, values = [_values(search.fit(own), search.problem, study) for own in sets]
+            *beside, values = [_values(scorer.fit(own), scorer.problem, study) for own in sets]
             every = {name: value for own in (*beside, values) for name, value in own.items()}
             if _near(every, replayed, study):
                 break
             tell("replaying near the fitted values", SEARCH_END)
             study.approach(values)
-            study.move(_poses_beside(search.fit(sets[-1]), values, search, study))
+            study.move(_poses_beside(scorer.fit(sets[-1]), values, scorer, study))
             study.refine(every)
-            replayed = every
-            begun = begin(_simulated(recording, study), causes, study.responses(), _part(tell, SEARCH_END, SEARCH_END))
-            if isinstance(begun, Diagnosis):
-                return begun
-            search = search_of(begun.off, begun.wanted, jobs, last)
-            sets = [tuple(name for name in own if name in search.causes) for own in sets]  # a replay may have failed
-        it = explained(begun.off, search, seed, jobs, last)
-        return _result(Searched(**vars(begun), it=it), study, scene)
+            replayed, still = every, _part(tell, SEARCH_END, SEARCH_END)
+            ready = ready_for_search(_simulated(recording, study), causes, study.responses(), still)
+            scorer = scorer_of(ready, jobs, last)
+            sets = [tuple(name for name in own if name in scorer.causes) for own in sets]  # a replay may have failed
+        return _result(ready, confirm(ready, scorer, search(scorer), seed, jobs, last), study, scene)
 
 
 def _in_words(seconds: float) -> str:
@@ -145,14 +137,17 @@ def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:
     return {name: value / SHOWN[study.parameters[name].unit][1] for name, value in shown.items()}
 
 
-def _rivals(search: Search, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _rivals(scorer: Scorer, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return the sets with a rival in place of one of the causes found.
 
     Rivals are replayed near their fitted values, too. Otherwise the coarse interpolation of their effects would speak
     against them in the last search.
     """
-    shown = [name for name in names if not search.causes[name].nuisance]
-    return [(*(n for n in names if n != name), own) for name in shown for own in in_place(search, names, name)]
+    return [
+        (*(n for n in names if n != name), own)
+        for name in scorer.shown(names)
+        for own in rivals_in_place(scorer, names, name)
+    ]
 
 
 def _near(values: Mapping[str, float], replayed: Mapping[str, float], study: Study) -> bool:
@@ -161,15 +156,15 @@ def _near(values: Mapping[str, float], replayed: Mapping[str, float], study: Stu
     return known and all(abs(v - replayed[name]) <= study.parameters[name].step for name, v in values.items())
 
 
-def _poses_beside(fit: Fit, values: Mapping[str, float], search: Search, study: Study) -> Poses:
+def _poses_beside(fit: Fit, values: Mapping[str, float], scorer: Scorer, study: Study) -> Poses:
     """Return the poses fitted in the scene with its fitted values, and through the sensor model found."""
-    assert search.problem.scene is not None
-    rows = search.problem.scene.rows
+    assert scorer.problem.scene is not None
+    rows = scorer.problem.scene.rows
     problem = replace(
-        search.problem, simulated=study.fitted(values)[rows].astype(np.float64), scene=study.responses().select(rows)
+        scorer.problem, simulated=study.fitted(values)[rows].astype(np.float64), scene=study.responses().select(rows)
     )
     sensor = [item for item in fit.causes if item.change is None]
-    fitter = Fitter(problem, search.folds)
+    fitter = Fitter(problem, scorer.folds)
     compared = fitter.rows(sensor, fit.shapes)
 
     def read(simulated: FloatArray) -> FloatArray:
@@ -185,17 +180,17 @@ def _poses(problem: Problem, study: Study, predict: Callable[[FloatArray], Float
     return fitted_poses(problem, predict, episode, study.poses)
 
 
-def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
-    fit = found.it.found.fit
-    groups = [named.name for named in found.it.found.named if named.cause.change is not None]
+def _result(ready: Ready, done: Confirmed, study: Study, scene: Scene) -> FoundInScene:
+    fit = done.found.fit
+    groups = [named.name for named in done.found.named if named.cause.change is not None]
     nuisances = {cause.name for cause in fit.causes if cause.nuisance}  # kept if they differ from the scene's values
     values = {}
-    for name, value in _values(fit, found.off.problem, study).items():
+    for name, value in _values(fit, ready.off.problem, study).items():
         item = study.parameters[name]
         if item.group in groups or (item.group in nuisances and abs(value - item.nominal) > item.material):
             values[name] = value
-    assert found.raw.scene is not None
-    rows = found.raw.scene.rows
+    assert ready.raw.scene is not None
+    rows = ready.raw.scene.rows
 
     def simulated(names: Sequence[str]) -> NDArray[np.float32]:
         return study.fitted({name: values[name] for name in names})[rows]
@@ -204,4 +199,4 @@ def _result(found: Searched, study: Study, scene: Scene) -> FoundInScene:
     streams = InScene(simulated(list(values)), without, dict(study.parameters), values)
     warned = tuple(f"{name} was left out: {why}" for name, why in study.unstable.items())
     extended = changed(scene, {study.parameters[name]: value for name, value in values.items()})
-    return FoundInScene(replace(found, warnings=(*found.warnings, *warned)), extended, values, streams)
+    return FoundInScene(replace(ready, warnings=(*ready.warnings, *warned)), done, extended, values, streams)

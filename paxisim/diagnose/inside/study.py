@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.data.responses import Centre, Response, Responses
 from paxisim.diagnose.inside.poses import Poses
-from paxisim.diagnose.inside.responses import Centre, Response, Responses
 from paxisim.diagnose.known import KnownSensor
 from paxisim.errors import PaxisimError
 from paxisim.scene.parameters import SceneParameter

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.explain.followed import followed
 from paxisim.diagnose.report import marks
 from paxisim.diagnose.report.effect import Effect, Series
-from paxisim.diagnose.report.followed import followed
 from paxisim.diagnose.report.maps import MOST_PADS, grid_of_maps
 from paxisim.diagnose.report.style import (
     AXES,

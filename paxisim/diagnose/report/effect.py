@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from paxisim.augment.chain import Chain
 from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.cause import Cause
-from paxisim.diagnose.diagnosis import FoundCause
+from paxisim.diagnose.causes.kinds import Cause
+from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.known import MEMBER
-from paxisim.diagnose.report.streams import Streams
-from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.diagnose.result import FoundCause, Streams
 
 Series = NDArray[np.float64]
 Channel = tuple[int, int, int, int]  # pad, axis, row, column

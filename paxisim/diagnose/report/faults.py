@@ -12,7 +12,7 @@ from paxisim.augment.dead_taxels import DeadTaxels
 from paxisim.augment.failing_taxels import FailingTaxels
 from paxisim.augment.layout_faults import LayoutFault
 from paxisim.augment.swapped_taxels import SwappedTaxels
-from paxisim.diagnose.report.streams import pad_in_words
+from paxisim.diagnose.result import pad_in_words
 
 if TYPE_CHECKING:
     from paxisim.diagnose.diagnosis import Diagnosis

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from paxisim.diagnose.diagnosis import Diagnosis, HeldOut
+from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED, Picture, finish, panel
+from paxisim.diagnose.result import HeldOut
 
 _MOST_TICKS = 12
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import AXES, EXTENDED, GRID, INK, MUTED, SIMULATED, WIDTH, Picture, finish
+from paxisim.diagnose.result import Streams
 from paxisim.layout import TaxelLayout
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
-from paxisim.diagnose.diagnosis import Diagnosis, FoundCause, Interval
+from paxisim.diagnose.causes.vocabulary import cause, known_causes
+from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.report.faults import fault_in_words
 from paxisim.diagnose.report.text import (
     CONFIDENCE,
@@ -22,7 +23,7 @@ from paxisim.diagnose.report.text import (
     parameters_in_words,
     reasons_of,
 )
-from paxisim.diagnose.vocabulary import cause, known_causes
+from paxisim.diagnose.result import FoundCause, Interval
 from paxisim.errors import MissingExtraError
 
 HEADS = {

@@ -6,8 +6,8 @@ import numpy as np
 
 from paxisim.diagnose.report.effect import Series
 from paxisim.diagnose.report.marks import DASHES
-from paxisim.diagnose.report.streams import Streams
 from paxisim.diagnose.report.style import EXTENDED, SIMULATED, Picture, finish, logarithmic, panel
+from paxisim.diagnose.result import Streams
 
 _LINE = 6.0  # least power of a spectral line, relative to its surroundings
 _BINS = 12  # force bins

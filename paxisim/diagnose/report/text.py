@@ -7,20 +7,12 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from paxisim.diagnose.advice import NOT_ASKED
+from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.report.faults import fault_in_words
 
 if TYPE_CHECKING:
-    from paxisim.diagnose.diagnosis import (
-        Diagnosis,
-        FittedParameter,
-        FoundCause,
-        HeldOut,
-        Interval,
-        Place,
-        Symptoms,
-        Verdict,
-    )
+    from paxisim.diagnose.diagnosis import Diagnosis
+    from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Place, Symptoms, Verdict
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
@@ -98,12 +90,12 @@ def _table(diagnosis: Diagnosis) -> list[str]:
     lines = [f"{'Cause':<16}{'explains':<26}{'confidence':>10}  rivals"]
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
-        head = f"{cause.name[:15]:<16}{percentage(cause.gain):<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
+        head = f"{cause.name[:15]:<16}{cause.gain.percent:<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
         first, *rest = textwrap.wrap(rivals, TEXT_COLUMNS - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         for part in cause.parts:
             own = [p for p in cause.parameters if p.name in part.parameters]
-            lines += _wrap(f"{part.name}, {part.words}: explains {percentage(part.gain)}; {_listed(own)}", "  ")
+            lines += _wrap(f"{part.name}, {part.words}: explains {part.gain.percent}; {_listed(own)}", "  ")
         rest = outside_parts(cause)
         lines += _wrap(fault_in_words(diagnosis, cause.name) or _listed(rest), "  ")
         for name, words in meanings(rest):
@@ -120,13 +112,6 @@ def outside_parts(cause: FoundCause) -> list[FittedParameter]:
 
 def _listed(parameters: Sequence[FittedParameter]) -> str:
     return ", ".join(f"{name} {value}" for name, value in parameters_in_words(parameters))
-
-
-def percentage(value: Interval) -> str:
-    """Format an estimate and its interval in percent."""
-    if value.low is None or value.high is None:
-        return f"{value.value:.1%}"
-    return f"{value.value:.1%} [{value.low:.1%}, {value.high:.1%}]"
 
 
 def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
@@ -167,7 +152,7 @@ def _figures(heldout: HeldOut, extended: bool) -> list[str]:
         errors += f", black box {heldout.ceiling_nrmse:.1%}"
     lines = ["Held-out error (normalised RMSE)", f"  {errors}"]
     if extended and heldout.explained is not None:
-        shares = f"the extended model explains {percentage(heldout.explained)} of the explainable error"
+        shares = f"the extended model explains {heldout.explained.percent} of the explainable error"
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
         lines += _wrap(shares, "  ")

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from paxisim.diagnose.diagnosis import Place, Symptoms
-from paxisim.diagnose.report.streams import Streams, pad_in_words
 from paxisim.diagnose.report.style import (
     AXES,
     EXTENDED,
@@ -22,6 +20,7 @@ from paxisim.diagnose.report.style import (
     panel,
     thin,
 )
+from paxisim.diagnose.result import Place, Streams, Symptoms, pad_in_words
 
 EPISODES = 3
 SECONDS = 40.0  # longest trace

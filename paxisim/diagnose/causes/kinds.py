@@ -1,0 +1,346 @@
+"""Cause: a transform with the information needed to search for it. Each cause is one file in `causes/`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import compress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim import augment
+from paxisim.augment.transform import STAGES, Transform
+from paxisim.diagnose.data.problem import FloatArray, Problem
+
+Values = Sequence[float]
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Free:
+    """A scalar parameter to fit.
+
+    Attributes:
+        name: Name in reports.
+        unit: Unit, ``"1"`` if dimensionless.
+        neutral: Value at which the cause has no effect, or the prior mean.
+        low: Lower bound.
+        high: Upper bound.
+        scale: Typical change of the parameter; the fit takes its steps in this unit.
+        material: Smallest deviation from `neutral` that matters. The cause is named only if at least one of its
+            parameters deviates that far. None for parameters that do not count, such as time constants.
+        spread: Standard deviation of a prior about `neutral`; None for no prior.
+        words: Explanation, if the name alone is not clear.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    scale: float
+    material: float | None = None
+    spread: float | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """The gain that a calibration convention adds to a cause.
+
+    A sensor with creep reads correctly at once if it was calibrated with quick presses, and only after a while if it
+    was calibrated with held loads. The second sensor shows a gain below 1 besides the creep; this gain is not a
+    separate cause. A nuisance parameter from 0 to 1 places the sensor between the two conventions. It is fitted with
+    the cause and reported as one of its parameters. If the gain depends on the magnitude of the forces, shear has its
+    own parameter.
+
+    Attributes:
+        name: Name of the parameter. At 0 the cause's transform is used unchanged, at 1 it is multiplied by `gain`.
+        gain: Function that returns the gain at the other convention, given the cause's values and the recording: a
+            scalar for all axes, or ``(3,)``.
+        words: What 0 and 1 mean.
+        by_axis: Whether the gain differs between axes.
+    """
+
+    name: str
+    gain: Callable[[Values, Problem], float | FloatArray]
+    words: str
+    by_axis: bool = False
+
+    @property
+    def free(self) -> tuple[Free, ...]:
+        """Its parameters: one for all axes, or one for normal force and one for shear."""
+        names = (self.name, f"{self.name}_shear") if self.by_axis else (self.name,)
+        return tuple(Free(name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.words) for name in names)
+
+
+@dataclass(frozen=True)
+class CausePart:
+    """A part of a cause that is reported with its own gain, and left out of the model if it gains nothing.
+
+    Attributes:
+        name: Name in reports.
+        parameters: Names of its parameters. Parameters that no part lists belong to the whole cause.
+        words: Explanation in a few words.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    words: str
+
+
+Absorbed = Callable[[Problem, FloatArray, FloatArray, FloatArray], Callable[[FloatArray], FloatArray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """Parameters of each taxel or channel, fitted in closed form.
+
+    Attributes:
+        name: Name of the array in reports and in the transform.
+        unit: Unit, ``"1"`` if dimensionless.
+        solve: Function that returns the best-fitting array, given the problem, the input force, a function that maps
+            the output force to the reading, and a starting array or None.
+        error: Function that returns the half-widths of the array's 90 % intervals, given a problem of at least three
+            episodes, the prediction of the whole model (N) and the array.
+        absorbed: Function that returns how much of a small change of the residual the array absorbs when it is solved
+            for again, as a function of that change. It is given the problem, the effect of adding 1 to the whole
+            array, the residual (both in units of the noise) and the array. None if only solving tells.
+    """
+
+    name: str
+    unit: str
+    solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], FloatArray | None], FloatArray]
+    error: Callable[[Problem, FloatArray, FloatArray], FloatArray]
+    absorbed: Absorbed | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A force-independent offset: time curves shared by all channels, with one amplitude per curve and channel.
+
+    Attributes:
+        name: Name of the amplitudes in reports and in the transform.
+        curves: Function that returns the ``(curves, T)`` curves, given the recording and the shape parameters.
+        numbers: Meaning of each shape parameter, by its name in reports and in the transform.
+        shapes: Values of the shape parameters to try, the simplest first.
+    """
+
+    name: str
+    curves: Callable[[Problem, Values], FloatArray]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    shapes: tuple[tuple[float, ...], ...] = ((),)
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A fault that a deterministic check detected in the recording.
+
+    Attributes:
+        transform: The fault as a transform.
+        values: Its parameters by name.
+        problem: The recording to use in all later steps.
+        rounds: Whether the fault is the rounding that `Problem.read` already models.
+    """
+
+    transform: Transform
+    values: Mapping[str, float | FloatArray]
+    problem: Problem
+    rounds: bool = False
+
+
+def _nothing(problem: Problem) -> tuple[Free, ...]:
+    return ()
+
+
+def _no_starts(problem: Problem) -> Sequence[Values]:
+    return ()
+
+
+def _always(problem: Problem) -> str:
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """A property of a sensor or a scene that the simulation lacks.
+
+    A cause is either fitted (`free` and `starts`, or `local`, or `course`) or detected by a deterministic check
+    (`read`). A fitted cause is a transform of the simulated force, or a change of the simulated scene (`change`).
+
+    Attributes:
+        name: Name in a diagnosis.
+        order: Position in the chain; smaller is nearer to the contact.
+        make: Function that returns the transform with the given values: the parameters in the order of `free`, or the
+            array of `local`. The model has intervals for the fields of a user-defined transform only if
+            `paxisim.augment.parameter` declares them.
+        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.explain.advice.MOTIONS`.
+        free: Function that returns the parameters to fit, given the problem.
+        starts: Function that returns starting values of the fit, one set for each form that the effect may take.
+            Together they should span the effect while it is small, because candidates are ranked by them.
+        parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
+        gauge: Gain that the calibration convention adds, if any.
+        change: For a cause inside the scene: function that returns the change of the simulated force (N). It replaces
+            the transform.
+        local: For a cause with one parameter per taxel or channel, fitted in closed form.
+        course: For a cause that adds an offset independent of the force.
+        read: For a cause that a deterministic check detects before the search.
+        nuisance: Whether the cause is fitted beside all others from the start and named only if it passes the test at
+            the end.
+        tacit: Whether a nuisance is never named and always stays in the model.
+        remembers: Whether only motions at several speeds separate the cause from other memory effects.
+        unpressed_rival: Name of a cause with the same effect on taxels that are never pressed.
+        of_replay: Caveat if the simulation follows the streams of a robot.
+        planes: Whether the cause owns a constant offset: a plane over each pad's axis plus a multiple of its
+            amplitudes. `offset` is then named only for the rest of the zero offset.
+        covariate: Name of the covariate that the cause requires.
+        misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;
+            other causes must gain more than this.
+        price: Factor on the required gain. It exceeds 1 for causes with many parameters, which absorb tolerated errors.
+        size: Function that returns the size of the values in units of the smallest size of interest; default: derived
+            from `Free.material`.
+        barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
+        words: Explanation in one short sentence for a reader who does not know the name.
+        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+    """
+
+    name: str
+    order: float
+    make: Callable[[Values, Problem], Transform]
+    excites: str = "varied"
+    free: Callable[[Problem], tuple[Free, ...]] = _nothing
+    starts: Callable[[Problem], Sequence[Values]] = _no_starts
+    parts: tuple[CausePart, ...] = ()
+    gauge: Gauge | None = None
+    change: Callable[[Values, Problem], FloatArray] | None = None
+    local: Local | None = None
+    course: Course | None = None
+    read: Callable[[Problem], Reading | None] | None = None
+    nuisance: bool = False
+    tacit: bool = False
+    remembers: bool = False
+    unpressed_rival: str = ""
+    of_replay: str = ""
+    planes: bool = False
+    covariate: str = ""
+    misfit: float = 0.01
+    price: float = 1.0
+    size: Callable[[Values, Problem], float] | None = None
+    barred: Callable[[Problem], str] = _always
+    words: str = ""
+    picture: str = "plain"
+
+    def parameters(self, problem: Problem) -> tuple[Free, ...]:
+        """The fitted parameters, those of the gauge last."""
+        return (*self.free(problem), *(self.gauge.free if self.gauge else ()))
+
+    def transform(self, values: FloatArray, problem: Problem) -> Transform:
+        """The transform with fitted values, including those of the gauge."""
+        if self.local or self.course:
+            return self.make(values, problem)  # type: ignore[arg-type]
+        numbers = [float(v) for v in values]
+        if self.gauge is None:
+            return self.make(numbers, problem)
+        count = len(self.gauge.free)
+        own, shares = numbers[:-count], numbers[-count:]
+        made = self.make(own, problem)
+        gain = 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
+        if np.all(gain == 1):
+            return made
+        after: Transform = augment.AxisGain(tuple(gain))
+        if STAGES.index(made.stage) > STAGES.index(after.stage):  # the gain is part of the calibration
+            after = augment.Chain([after])
+        return augment.Chain([made, after], [self.name, self.gauge.name])
+
+    def on(self, x: NDArray[np.floating], values: FloatArray, problem: Problem, frames: Problem) -> FloatArray:
+        """Apply the cause to a force.
+
+        Args:
+            x: ``(T, pads, 3, rows, cols)`` N.
+            values: Values of the cause.
+            problem: The recording that the values refer to.
+            frames: The part of the recording that `x` belongs to.
+        """
+        if self.change is not None:
+            return x + self.change(values, frames)  # type: ignore[arg-type]
+        return frames.run(self.transform(values, problem), x)  # type: ignore[arg-type]
+
+    def has_memory(self, problem: Problem) -> bool:
+        """Whether the effect on a frame depends on earlier frames."""
+        return self.change is None and self.transform(self.places(problem)[0], problem).has_memory
+
+    def places(self, problem: Problem) -> list[FloatArray]:
+        """Starting values; with a gauge, each start is combined with both ends of the gauge."""
+        starts = [np.asarray(values, dtype=np.float64) for values in self.starts(problem)]
+        if self.gauge is None:
+            return starts
+        return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
+
+    def lacking(self, part: CausePart) -> Cause:
+        """The cause without one of its parts, whose parameters stay neutral."""
+        whole = self
+
+        def free(problem: Problem) -> tuple[Free, ...]:
+            return tuple(f for f in whole.free(problem) if f.name not in part.parameters)
+
+        def filled(values: Values, problem: Problem) -> list[float]:
+            own = iter(values)
+            return [f.neutral if f.name in part.parameters else float(next(own)) for f in whole.free(problem)]
+
+        def starts(problem: Problem) -> Sequence[Values]:
+            kept = [f.name not in part.parameters for f in whole.free(problem)]
+            shortened = [tuple(compress(start, kept)) for start in whole.starts(problem)]
+            about = free(problem)
+            moved = [
+                start
+                for start in shortened
+                if any(f.material and value != f.neutral for f, value in zip(about, start, strict=True))
+            ]
+            return moved or [tuple(f.neutral for f in about)]
+
+        size = whole.size
+        return replace(
+            self,
+            free=free,
+            starts=starts,
+            make=lambda values, problem: whole.make(filled(values, problem), problem),
+            size=None if size is None else lambda values, problem: size(filled(values, problem), problem),
+            parts=tuple(other for other in self.parts if other is not part),
+        )
+
+    def amount_of(self, part: CausePart, values: Values, problem: Problem) -> float:
+        """Size of one part of the values, in units of the smallest size of interest."""
+        about = self.free(problem)
+        alone = [float(v) if f.name in part.parameters else f.neutral for f, v in zip(about, values, strict=False)]
+        return self.amount(np.array(alone), problem)
+
+    def amount(self, values: FloatArray, problem: Problem) -> float:
+        """Size of the values, in units of the smallest size of interest."""
+        if self.size is not None:
+            return self.size(values, problem)  # type: ignore[arg-type]
+        pairs = zip(values, self.free(problem), strict=False)
+        return max((abs(float(v) - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
+
+
+def courses_of(causes: Sequence[Cause]) -> list[Cause]:
+    """The causes with a course, in chain order."""
+    return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
+
+
+def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
+    """Neutral values except for one that is a step away: a start for a cause with several parameters."""
+    values = [neutral] * count
+    values[index] += step
+    return values
+
+
+def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
+    """Effect of a cause on `x` at each of its starts (N), or for each curve of its course at an amplitude of 1 N."""
+    if item.course is not None:
+        curves = item.course.curves(problem, item.course.shapes[0])
+        return list(curves[..., None, None, None, None])
+    if item.change is not None:
+        return [item.change(start, problem) for start in item.starts(problem)]
+    return [problem.run(item.make(start, problem), x) - x for start in item.starts(problem)]

@@ -1,0 +1,88 @@
+"""Vocabulary: the causes that a diagnosis knows, both built-in and registered by a user."""
+
+from __future__ import annotations
+
+from paxisim.diagnose.causes.axis_coupling import AXIS_COUPLING
+from paxisim.diagnose.causes.axis_gain import AXIS_GAIN
+from paxisim.diagnose.causes.channel_curve import CHANNEL_CURVE
+from paxisim.diagnose.causes.creep import CREEP
+from paxisim.diagnose.causes.dead_band import DEAD_BAND
+from paxisim.diagnose.causes.dead_taxels import DEAD_TAXELS
+from paxisim.diagnose.causes.drift import DRIFT
+from paxisim.diagnose.causes.gel_operator import GEL_OPERATOR
+from paxisim.diagnose.causes.hysteresis import HYSTERESIS
+from paxisim.diagnose.causes.interference import INTERFERENCE
+from paxisim.diagnose.causes.kinds import Cause
+from paxisim.diagnose.causes.latency import LATENCY
+from paxisim.diagnose.causes.layout import LAYOUT
+from paxisim.diagnose.causes.low_pass import LOW_PASS
+from paxisim.diagnose.causes.offset import OFFSET
+from paxisim.diagnose.causes.quantisation import QUANTISATION
+from paxisim.diagnose.causes.rotation import ROTATION
+from paxisim.diagnose.causes.saturation import SATURATION
+from paxisim.diagnose.causes.scene import SCENE_CAUSES
+from paxisim.diagnose.causes.stiffening import STIFFENING
+from paxisim.diagnose.causes.swapped_taxels import SWAPPED_TAXELS
+from paxisim.diagnose.causes.taxel_gain import TAXEL_GAIN
+from paxisim.errors import InvalidValueError, UnknownNameError
+
+CAUSES: tuple[Cause, ...] = (
+    *SCENE_CAUSES,
+    LAYOUT,
+    SWAPPED_TAXELS,
+    STIFFENING,
+    CREEP,
+    HYSTERESIS,
+    GEL_OPERATOR,
+    AXIS_COUPLING,
+    ROTATION,
+    INTERFERENCE,
+    AXIS_GAIN,
+    LOW_PASS,
+    LATENCY,
+    CHANNEL_CURVE,
+    TAXEL_GAIN,
+    OFFSET,
+    DRIFT,
+    DEAD_BAND,
+    SATURATION,
+    QUANTISATION,
+    DEAD_TAXELS,
+)
+"""The built-in causes, in chain order."""
+
+_ADDED: list[Cause] = []
+
+
+def register_cause(cause: Cause) -> None:
+    """Add a cause to those that a diagnosis looks for.
+
+    Raises:
+        InvalidValueError: A cause of that name already exists.
+    """
+    if cause.name in known_causes():
+        raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
+    _ADDED.append(cause)
+
+
+def known_causes() -> tuple[str, ...]:
+    """Names of all causes, in chain order."""
+    return tuple(item.name for item in _all())
+
+
+def cause(name: str) -> Cause:
+    """Return the cause of that name.
+
+    Raises:
+        UnknownNameError: There is no such cause.
+    """
+    for item in _all():
+        if item.name == name:
+            return item
+    whole = next((item.name for item in _all() for part in item.parts if part.name.lower().startswith(name)), "")
+    advice = f"it is a part of {whole}" if whole else "if it is your own, import its module first"
+    raise UnknownNameError("cause", name, known_causes(), advice)
+
+
+def _all() -> list[Cause]:
+    return sorted((*CAUSES, *_ADDED), key=lambda item: item.order)

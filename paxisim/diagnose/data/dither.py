@@ -1,0 +1,113 @@
+"""Dither: noise ahead of quantisation, estimated from count changes under constant force."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.special import ndtr, ndtri
+
+from paxisim.diagnose.data.noise import FloatArray
+
+MIN_EPISODE_SAMPLES = 5  # fewest samples in an episode
+SMOOTH = 0.6  # steps; above it, the standard deviation at rest determines the noise
+HELD_SECONDS = 0.3  # s of constant force after which a slow sensor has settled
+LAG_SECONDS = 0.15  # s between compared counts, long enough to include some slow noise
+MAX_HELD_CHANGE = 0.1  # steps that a held force may change in that time
+MAX_MOVING_CHANGE = 0.2  # steps that it may change if too few samples are held
+MIN_COMPARED = 300  # fewest compared counts
+HIDDEN_NOISE = 0.15  # steps; noise that may be invisible at rest
+NOISES = np.geomspace(0.01, 1.0, 60)  # steps
+
+
+def dither_of(
+    measured: FloatArray,
+    simulated: FloatArray,
+    at_rest: NDArray[np.bool_],
+    untouched: NDArray[np.bool_],
+    episodes: tuple[slice, ...],
+    interval: float,
+    step: float,
+    alive: NDArray[np.bool_],
+) -> float:
+    """Standard deviation of the noise before rounding (N).
+
+    Without a quantisation step, or with a small one, it is the standard deviation of the shear at rest. With a large
+    step the noise is hardly visible at rest: a reading changes its count only if its offset is near a rounding edge.
+    Under load, forces are spread evenly relative to the edges, so the mean count difference between two readings
+    follows from the change of force and the noise of both. The result is bounded by the noise visible at rest.
+
+    Args:
+        measured: ``(T, pads, 3, rows, cols)`` newtons.
+        simulated: The same; it determines which taxels are pressed and how fast the force changes.
+        at_rest: ``(T,)`` whether no taxel is pressed.
+        untouched: ``(T,)`` whether no taxel has been pressed yet in the episode, so that no memory effect is present.
+        episodes: Samples of each episode.
+        interval: Typical interval between samples, in seconds.
+        step: Quantisation step (N); 0 if there is none.
+        alive: ``(pads, 3, rows, cols)`` channels in use.
+    """
+    resting = _shear(measured, at_rest, episodes, alive)
+    before = _shear(measured, untouched, episodes, alive) or resting
+    if resting and (step == 0 or _spread(before) > SMOOTH * step):
+        # all samples at rest, as slow noise shows in long spans only
+        return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
+    if step == 0:
+        return 0.0
+    held = _under_load(measured, simulated, episodes, interval, step, alive)
+    if not resting:
+        return HIDDEN_NOISE * step if held is None else held
+    # counts change least for an offset in the middle of a step
+    most = step * max(HIDDEN_NOISE, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
+    return most if held is None else min(held, most)
+
+
+def _shear(
+    measured: FloatArray, frames: NDArray[np.bool_], episodes: tuple[slice, ...], alive: NDArray[np.bool_]
+) -> list[FloatArray]:
+    parts = [measured[span][frames[span]][:, :, :2] for span in episodes]
+    return [
+        part.reshape(len(part), -1).compress(alive[:, :2].ravel(), axis=1)
+        for part in parts
+        if len(part) >= MIN_EPISODE_SAMPLES
+    ]
+
+
+def _spread(parts: list[FloatArray]) -> float:
+    return float(np.median([part.std(axis=0) for part in parts]))
+
+
+def _under_load(
+    measured: FloatArray,
+    simulated: FloatArray,
+    episodes: tuple[slice, ...],
+    interval: float,
+    step: float,
+    alive: NDArray[np.bool_],
+) -> float | None:
+    """Noise (N) estimated from held forces above one step; None if there are too few."""
+    apart, window = (max(1, round(seconds / interval)) for seconds in (LAG_SECONDS, HELD_SECONDS + LAG_SECONDS))
+    counted, moved, fastest = [], [], []
+    for span in episodes:
+        force, count = simulated[span] / step, np.rint(measured[span] / step)
+        change = apart * np.abs(np.diff(force, axis=0, prepend=force[:1]))
+        # over the window that ends at the sample
+        fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]
+        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MAX_MOVING_CHANGE) & alive
+        counted.append(np.abs(count[apart:] - count[:-apart])[pressed])
+        moved.append(np.abs(force[apart:] - force[:-apart])[pressed])
+        fastest.append(fast[pressed])
+    differ, move, fast = (np.concatenate(parts) for parts in (counted, moved, fastest))
+    if len(fast) < MIN_COMPARED:
+        return None
+    taken = fast <= max(MAX_HELD_CHANGE, float(np.partition(fast, MIN_COMPARED - 1)[MIN_COMPARED - 1]))
+    number, edges = np.histogram(move[taken], bins=100)
+    expected = [number @ _mean_difference((edges[1:] + edges[:-1]) / 2, noise) for noise in NOISES]
+    return step * float(np.interp(differ[taken].sum(), expected, NOISES))
+
+
+def _mean_difference(move: FloatArray, noise: float) -> FloatArray:
+    """Mean absolute difference of two readings with `noise` whose forces differ by `move`, all in steps."""
+    both = np.sqrt(2) * noise
+    density = np.exp(-0.5 * (move / both) ** 2) / np.sqrt(2 * np.pi)
+    return np.asarray(2 * both * density + move * (1 - 2 * ndtr(-move / both)))

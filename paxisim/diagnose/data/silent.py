@@ -1,0 +1,51 @@
+"""Silent: channels whose reading never changes under load, which the diagnosis excludes.
+
+A sensor may measure the normal force only, and a single wire or Hall element may fail. A gain, however small, cannot
+cause a constant reading.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.data.problem import PRESSED_SHARE, Problem
+
+CLEAR_FORCE = 0.6  # N, larger than any dead band
+MIN_CLEAR_FRAMES = 8  # fewest frames with such a force
+ON_TAXEL = 15.0  # times the tolerated position error: a larger force means that the contact is on the taxel
+CLEAR_SHARE = 0.2  # share of the peak, larger than any offset hidden by clipping at 0
+
+
+def silent_channels(problem: Problem) -> NDArray[np.bool_]:
+    """``(pads, 3, rows, cols)`` channels in use that never change under forces too large for rounding or a dead band.
+
+    If no channel of a pad and axis ever changes, all of them count as silent, provided that other channels read forces
+    half as large.
+    """
+    alive = problem.alive
+    still = alive & (np.ptp(problem.measured, axis=0) == 0)
+    if not still.any():
+        return still
+    pressed = pressed_beyond(problem, max(CLEAR_FORCE, CLEAR_SHARE * problem.peak, 2 * problem.step))
+    silent = still & (pressed.sum(axis=0) >= MIN_CLEAR_FRAMES)
+    for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
+        silent[pad, axis] |= still[pad, axis] & _is_missing(problem, int(pad), int(axis), still)
+    return silent
+
+
+def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_]) -> bool:
+    force = np.abs(problem.simulated)
+    size = float(np.quantile(force[:, pad, axis].max(axis=(1, 2)), 0.998))
+    if size <= max(2 * problem.step, PRESSED_SHARE * problem.peak):
+        return False
+    smaller = (force > size / 4) & (force < size / 2) & ~still
+    read = problem.measured != np.median(problem.measured, axis=0)
+    return bool(smaller.any() and read[smaller].mean() > 0.5)
+
+
+def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
+    """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
+    variance = problem.sigma**2
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
+    return np.abs(problem.simulated) > np.maximum(least, ON_TAXEL * tolerated)

@@ -1,0 +1,1 @@
+"""Explain: from the causes found to the figures, intervals and caveats of a result."""

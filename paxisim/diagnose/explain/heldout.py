@@ -1,0 +1,229 @@
+"""Held out: errors of a model on held-out samples, and the noise floor."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.stats import bootstrap
+
+from paxisim.diagnose.causes.kinds import CausePart
+from paxisim.diagnose.data.problem import FloatArray, Problem, showing
+from paxisim.diagnose.explain.explanation import Explanation, Named, without_each, without_each_part
+from paxisim.diagnose.result import HeldOut, Interval
+
+K = TypeVar("K")
+
+RESAMPLES = 400  # bootstrap resamples
+CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
+CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
+MIN_EXPLAINABLE = 0.02  # least explainable error, relative to the noise floor
+EQUAL_STREAMS = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
+SAME_MOTION = 0.02  # difference, relative to the force, up to which two simulations count as the same motion
+SLOW_NOISE = 2.5  # largest ratio of the variance at rest to that of the fast noise
+
+
+@dataclass(frozen=True, eq=False)
+class SquaredErrors:
+    """Squared errors in N^2, summed over each episode and the channels in use.
+
+    Attributes:
+        before: ``(episodes,)`` errors of the simulation.
+        after: ``(episodes,)`` held-out errors of the model.
+        without: ``(episodes,)`` held-out errors of the model refitted without a cause, by its name.
+        floor: ``(episodes,)`` noise floor.
+        force: ``(episodes,)`` squares of the measured force.
+        source: What the noise floor was estimated from.
+        split: Indices of the episodes that were split into blocks, which were held out in turn.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    without: Mapping[str, FloatArray]
+    floor: FloatArray
+    force: FloatArray
+    source: str
+    split: tuple[int, ...]
+
+    @property
+    def room(self) -> FloatArray:
+        """``(episodes,)`` explainable error: the error of the simulation above the noise floor."""
+        return self.before - self.floor
+
+
+def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
+    """Squared errors of the simulation and the model on held-out samples."""
+    problem = found.off.judged
+    coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is one of the causes
+    simulated = found.off.raw.simulated
+    after = problem.measured - problem.read(found.heldout)
+    without = {}
+    for name, (own, prediction) in without_each(found, jobs).items():
+        without[name] = _squares(problem, problem.measured - own.read(prediction))
+    floor, source = _noise(problem, found.heldout, after, coarse)
+    return SquaredErrors(
+        _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
+        _squares(problem, after),
+        without,
+        floor,
+        _squares(problem, problem.measured),
+        source,
+        found.folds.split,
+    )
+
+
+def part_gains(
+    found: Explanation, squares: SquaredErrors, named: Named, seed: int, jobs: int = 1
+) -> dict[CausePart, Interval]:
+    """Share of the explainable error that each part of a cause removes; see `gains_of`."""
+    problem = found.off.judged
+    without = {
+        part: _squares(problem, problem.measured - problem.read(prediction))
+        for part, prediction in without_each_part(found, named, jobs).items()
+    }
+    return _shares(squares, without, seed)
+
+
+def _squares(problem: Problem, values: FloatArray) -> FloatArray:
+    return np.array([np.sum(values[span] ** 2, where=problem.alive) for span in problem.episodes])
+
+
+def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: bool) -> tuple[FloatArray, str]:
+    """``(episodes,)`` noise floor (N^2) including rounding, and the source of the estimate.
+
+    Rounding errors are certain only under load. Slow noise hardly shows in frame-to-frame differences, so the variance
+    at rest is used, limited to 1 to `SLOW_NOISE` times the variance that these differences imply. If rounding is a
+    cause, only the part of it that the model cannot predict counts as noise, and the floor is capped at the model's
+    residual: where noise rarely reaches the next count, only an upper bound of it is known.
+    """
+    repeated = _repeated(problem)
+    if repeated is not None:
+        return np.array([repeated * (span.stop - span.start) for span in problem.episodes]), "repeated motions"
+    steps = np.concatenate([np.diff(after[span], axis=0) for span in problem.episodes])
+    calm = np.concatenate([problem.at_rest[span][1:] for span in problem.episodes])
+    if calm.sum() >= 50:
+        fast = np.mean(steps[calm] ** 2, axis=0) / 2
+        variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, SLOW_NOISE * fast)
+    else:
+        variance = np.median(steps**2, axis=0) / 0.455 / 2
+    rounding = problem.counting.left if coarse else problem.step**2 / 12
+    each = np.where(np.abs(prediction) > problem.step / 4, np.maximum(variance, rounding), variance)
+    floor = np.array([np.sum(each[span], where=problem.alive) for span in problem.episodes])
+    if coarse:
+        floor *= min(1.0, float(_squares(problem, after).sum() / max(floor.sum(), 1e-12)))
+    return floor, "high-frequency differences"
+
+
+def _repeated(problem: Problem) -> float | None:
+    """Half the squared difference (N^2 per frame) between repeats of one simulated motion; None without repeats."""
+    found = []
+    for one, other in itertools.combinations(problem.episodes, 2):
+        length = one.stop - one.start
+        if length != other.stop - other.start:
+            continue
+        force = float(np.mean(problem.simulated[one] ** 2))
+        if force < 1e-4 * problem.peak**2 or len(found) > 20:
+            continue
+        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < SAME_MOTION**2 * force:
+            apart = problem.measured[one] - problem.measured[other]
+            found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
+    return float(np.median(found)) if found else None
+
+
+def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
+    """The gain as a share of the explainable error, with a 90 % interval from a bootstrap over episodes.
+
+    Args:
+        gained: ``(episodes,)`` reduction of the squared error, N^2.
+        room: ``(episodes,)`` squared error that it is a share of, N^2, with a positive sum.
+        seed: Random seed of the bootstrap.
+    """
+    value = float(gained.sum() / room.sum())
+    if len(room) < 3 or not np.ptp(gained):
+        return Interval(value)
+
+    def share(own: FloatArray, whole: FloatArray, axis: int = -1) -> FloatArray:
+        total = whole.sum(axis=axis)
+        return np.asarray(np.where(total > 0, own.sum(axis=axis) / np.where(total > 0, total, 1.0), value))
+
+    generator: Any = np.random.default_rng(seed)
+    options: dict[str, Any] = {"random_state": generator}  # newer scipy versions call it rng but accept both
+    drawn = bootstrap(
+        (gained, room), share, paired=True, vectorized=True, n_resamples=RESAMPLES, confidence_level=CONFIDENCE_LEVEL,
+        method="percentile", **options,
+    )  # fmt: skip
+    return Interval(value, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+
+
+def explained_share(squares: SquaredErrors, after: FloatArray, seed: int) -> Interval | None:
+    """Share of the explainable error that is removed; None if the error does not exceed the noise floor."""
+    if squares.room.sum() <= max(MIN_EXPLAINABLE * squares.floor.sum(), EQUAL_STREAMS**2 * squares.force.sum()):
+        return None
+    return share_of(squares.before - after, squares.room, seed)
+
+
+def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
+    """Share of the explainable error that each cause removes, by its name.
+
+    If the error does not exceed the noise floor, it is the share of the whole error.
+    """
+    return _shares(squares, squares.without, seed)
+
+
+def _shares(squares: SquaredErrors, without: Mapping[K, FloatArray], seed: int) -> dict[K, Interval]:
+    above = squares.room.sum() > MIN_EXPLAINABLE * squares.floor.sum()
+    room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
+    return {key: share_of(own - squares.after, room, seed) for key, own in without.items()}
+
+
+def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
+    """Share of the error that each cause removes in the episodes that it affects, so that others do not dilute it."""
+    gains = {name: without - squares.after for name, without in squares.without.items()}
+    shown = {name: showing(gain) for name, gain in gains.items()}
+    shown = {name: own for name, own in shown.items() if own.any()}
+    return {name: share_of(gains[name][own], squares.before[own], seed) for name, own in shown.items()}
+
+
+def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
+    """The held-out figures of a diagnosis.
+
+    Args:
+        squares: Squared errors.
+        seed: Random seed of the bootstrap over episodes.
+        ceiling: ``(episodes,)`` squared errors (N^2) of the black box; None if it was not run.
+        note: Caveats about the figures.
+    """
+
+    def normalised(values: FloatArray) -> float:
+        return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
+
+    if squares.split:
+        numbers = ", ".join(str(number + 1) for number in squares.split)
+        those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
+        note = f"{note} {those} split into blocks that were held out in turn.".strip()
+    if np.any(squares.after != squares.before):
+        note = f"{note} {CHOSEN}".strip()
+    black = None if ceiling is None else explained_share(squares, ceiling, seed)
+    gains = (squares.before - squares.after) / np.maximum(squares.before, 1e-12)
+    return HeldOut(
+        nrmse_before=normalised(squares.before),
+        nrmse_after=normalised(squares.after),
+        noise_floor=normalised(squares.floor),
+        noise_source=squares.source,
+        explained=explained_share(squares, squares.after, seed),
+        gain_per_episode=tuple(float(gain) for gain in gains),
+        ceiling_nrmse=None if ceiling is None else normalised(ceiling),
+        ceiling_explained=None if black is None else black.value,
+        note=note,
+    )
+
+
+def survives(gain: FloatArray, needed: float, seed: int) -> float:
+    """How often the summed gain of resampled held-out units exceeds `needed`; at most 0.5 for a single unit."""
+    if len(gain) < 2:
+        return 0.5 * float(gain.sum() > needed)
+    draws = np.random.default_rng(seed).integers(len(gain), size=(RESAMPLES, len(gain)))
+    return float(np.mean(gain[draws].sum(axis=1) > needed))

@@ -1,0 +1,238 @@
+"""Intervals of fitted parameters, robust to errors that are correlated within episodes and channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.parameter_spec import parameters
+from paxisim.augment.transform import Transform
+from paxisim.diagnose.causes.kinds import courses_of
+from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
+from paxisim.diagnose.data.noise import differences
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.data.replayed import replay_errors
+from paxisim.diagnose.explain.explanation import Explanation, Named
+from paxisim.diagnose.result import FittedParameter, Interval
+from paxisim.diagnose.scorer.fitting import with_curves
+
+CONFIDENCE_LEVEL = 0.9
+_LEVELS, _PER_OCTAVE = 64, 8  # force levels, counted down from the peak, and levels per octave
+_LEAST_REST = 5  # fewest frames at rest in an episode
+_NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual noise
+
+
+def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
+    """Fitted parameters with units and 90 % intervals, by cause."""
+    spreads = _spreads(found)
+    return {named.name: tuple(_parameters(found, named, spreads)) for named in found.named}
+
+
+def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float]) -> list[FittedParameter]:
+    free = {item.name: item for item in named.cause.parameters(found.problem)}
+    out = []
+    for name, value in named.values.items():
+        if name in free and np.ndim(value) == 0:
+            item, number = free[name], float(value)
+            reach = spreads.get((named.name, name))
+            interval = Interval(number)
+            if reach is not None:
+                interval = Interval(number, max(number - reach, item.low), min(number + reach, item.high))
+            out.append(FittedParameter(name, item.unit, interval, item.words))
+            continue
+        array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
+        unit, course = _unit(named, name), named.cause.course
+        words = "" if course is None else course.numbers.get(name, "")
+        for place in np.ndindex(array.shape):
+            label, number = name + "".join(f"_{i}" for i in place), float(array[place])
+            interval = Interval(number)
+            if half is not None:
+                interval = Interval(number, number - float(half[place]), number + float(half[place]))
+            out.append(FittedParameter(label, unit, interval, words))
+    return out
+
+
+def _unit(named: Named, name: str) -> str:
+    if named.cause.local is not None:
+        return named.cause.local.unit
+    if named.cause.course is not None and name in named.cause.course.numbers:
+        return "s"
+    return {"dead": "1", "stuck": "1", "since": "s"}.get(name, "N") if named.evidence is None else "N"
+
+
+def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | None:
+    """Half-widths of the intervals of an array; None if the recording does not determine any."""
+    if len(found.problem.episodes) < 3:
+        return None
+    if named.cause.local is not None:
+        problem = replace(found.problem, curves=np.ones((1, len(found.problem.time))))
+        return named.cause.local.error(problem, found.prediction, np.asarray(named.values[name]))
+    if named.cause.course is not None and name == named.cause.course.name:
+        return _zero_spread(found, named)
+    return None
+
+
+def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
+    """Half-width of the interval of each parameter.
+
+    The variance is cluster-robust. Errors that are correlated within an episode, a channel or a force level do not
+    average out, so the scores of each cluster are summed before they are squared. Force levels account for a fitted
+    form that differs from the sensor's. The effects of errors that all samples may share, such as a misplaced contact,
+    are added, and in a scene the error of parameters that are fitted beside poses.
+    """
+    if len(found.problem.episodes) < 3:
+        return {}
+    squares, residual, slopes = found.scorer.fitter.linearised(found.fit)
+    rows, free, prediction = squares.rows, squares.free, squares.prediction
+    if not free:
+        return {}
+    frames = len(rows.time)
+    residual, slopes = residual.reshape(frames, -1), slopes.reshape(len(free), frames, -1)
+    flat = slopes.reshape(len(free), -1)
+    inverse = np.linalg.pinv(flat @ flat.T + np.diag(squares.prior), rcond=1e-9, hermitian=True)
+    variance, degrees = _clustered(rows, residual, slopes, inverse)
+    errors = [rows.tolerance.place * change / 2 for change in differences(prediction)]
+    for error in errors if rows.scene is None else (*errors, *replay_errors(rows, prediction)):
+        effect = rows.weigh(error).reshape(frames, -1)
+        variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
+    if rows.scene is not None:
+        variance += CORRELATED_SAMPLES * np.diag(inverse)
+    reach = np.sqrt(variance) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
+    strength = np.sum(flat**2, axis=1)
+    seen = strength > 1e-9 * strength.max()
+    return {(n, f.name): float(r * f.scale) for (n, _, f), r, told in zip(free, reach, seen, strict=True) if told}
+
+
+def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse: FloatArray):
+    """``(free,)`` variances of the parameters, in units of their scales, and degrees of freedom."""
+    scores = slopes * residual
+    level = _levels(rows)
+    by_episode = np.stack([scores[:, span].sum(axis=1) for span in rows.episodes], axis=-1)  # (free, C, episodes)
+    count = len(rows.episodes)
+    clusters = (
+        by_episode.sum(axis=1) * np.sqrt(count / (count - 1)),
+        by_episode.sum(axis=2),
+        np.stack([np.bincount(level.ravel(), row.ravel(), _LEVELS) for row in scores]),
+    )
+    each = [(inverse @ cluster) ** 2 for cluster in clusters]
+    variances = np.array([part.sum(axis=1) for part in each])  # (3, free)
+    # effective degrees of freedom: few influential clusters estimate a variance poorly
+    squares = np.array([np.sum(part**2, axis=1) for part in each])
+    degrees = np.maximum(variances**2 / np.maximum(squares, 1e-300) - 1, 1.0)
+    noise = np.sum((inverse @ by_episode.reshape(len(scores), -1)) ** 2, axis=1)  # part of all three variances
+    together = np.maximum(variances.sum(axis=0) - 2 * noise, variances.max(axis=0))
+    shared = variances.sum(axis=0) ** 2 / np.maximum((variances**2 / degrees).sum(axis=0), 1e-300)
+    return together, np.maximum(shared, 1.0)
+
+
+def _levels(problem: Problem) -> NDArray[np.intp]:
+    """``(T, channels)`` force level of each sample, on a logarithmic scale."""
+    size = np.abs(problem.simulated).reshape(len(problem.time), -1) / problem.peak
+    return np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
+
+
+def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
+    """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
+    problem = found.problem
+    causes = courses_of(found.fit.causes)
+    curved = with_curves(problem, causes, found.fit.shapes)
+    curves, mine = curved.curves, curved.curves_owned_by(named.name)
+    assert curves is not None
+    spans = [span for span in problem.told_by_episode if len(span) >= _LEAST_REST]
+    if len(spans) <= len(curves) + 1:
+        return None
+    left = problem.measured - problem.read(found.prediction)
+    basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
+    shares = np.linalg.pinv(basis)[mine]  # weight of each episode in each amplitude
+    degrees = len(spans) - len(curves)
+    means = np.stack([left[span].mean(axis=0) for span in spans])
+    variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
+    typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
+    reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
+    zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
+    middle, counting = problem.read(zero[None])[0], problem.counting
+    ends = []
+    for share in _NOISES:  # the noise determines how far the zero offset is from a rounding edge
+        own = replace(counting, dither=share * counting.dither)
+        ends += [own.unread(middle - reach), own.unread(middle + reach)]
+    half = np.ptp(ends, axis=0) / 2
+    return half[0] if len(half) == 1 else half
+
+
+def model_intervals(
+    found: Explanation, fitted: Mapping[str, tuple[FittedParameter, ...]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """Ranges of the parameters of the model's members, in the format of ``GCS.around``.
+
+    The parameters of a cause may differ from those of its transform. Each is therefore moved to both ends of its
+    interval, and the resulting parameters of the transform give the range, as far as they are valid.
+
+    Args:
+        found: The causes and the model.
+        fitted: Fitted parameters by cause, from `parameters_of`.
+    """
+    intervals = {}
+    for named in found.named:
+        own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
+        if not own or named.cause.change is not None:
+            continue
+        if named.cause.local is None and not named.cause.parameters(found.problem):  # its arrays are the transform's
+            reach = _array_ends(named, own)
+        else:
+            reach = _reach(named.transform, _moved(found, named, own))
+        member = found.model[named.name]
+        alone = isinstance(member, Chain) and not isinstance(named.transform, Chain)  # wrapped by `in_order`
+        intervals[named.name] = {member.names[0]: reach} if alone else reach
+    return {name: own for name, own in intervals.items() if own}
+
+
+def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> list[Transform]:
+    """A cause's transform with its parameters at the ends of their intervals."""
+    if named.cause.local is not None:
+        shape = np.shape(named.values[named.cause.local.name])
+        ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
+    else:
+        middle = {name: float(value) for name, value in named.values.items()}  # type: ignore[arg-type]
+        ends = [
+            np.array(list({**middle, p.name: float(end)}.values()))  # type: ignore[arg-type]
+            for p in own
+            for end in (p.value.low, p.value.high)
+        ]
+    moved = []
+    for values in ends:
+        try:
+            moved.append(named.cause.transform(values, found.problem))
+        except ValueError:  # each value is allowed, but not the combination
+            continue
+    return moved
+
+
+def _array_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
+    """Lowest and highest values of each array of a cause, by its name."""
+    out: dict[str, Any] = {}
+    for name, value in named.values.items():
+        ends = [p.value for p in own if p.name.startswith(f"{name}_")]
+        if np.ndim(value) and len(ends) == np.size(value):
+            out[name] = tuple(np.reshape([getattr(e, end) for e in ends], np.shape(value)) for end in ("low", "high"))
+    return out
+
+
+def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:
+    """Lowest and highest value of each parameter over `middle` and `moved`, for the parameters that differ."""
+    if isinstance(middle, Chain):
+        alike = [other for other in moved if isinstance(other, Chain) and other.names == middle.names]
+        members = {n: _reach(middle[n], [other[n] for other in alike]) for n in middle.names}
+        return {name: own for name, own in members.items() if own}
+    out: dict[str, Any] = {}
+    moved = [next(iter(m)) if isinstance(m, Chain) else m for m in moved]
+    for name in parameters(middle):
+        values = np.stack([np.asarray(getattr(t, name), dtype=np.float64) for t in (middle, *moved)])
+        if np.ptp(values, axis=0).any():
+            out[name] = values.min(axis=0), values.max(axis=0)
+    return out

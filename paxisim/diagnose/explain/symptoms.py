@@ -1,0 +1,125 @@
+"""Symptoms: the error by pad, taxel, axis, phase, frequency and covariate, before and after the correction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paxisim.diagnose.data.noise import rate
+from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.result import LeftOver, Place, Symptoms
+
+WORST = 10  # taxels listed
+BANDS = ((0.0, 0.2), (0.2, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf))  # Hz
+PHASES = ("free", "loading", "holding", "unloading", "sliding")
+_STILL = 0.05  # peaks per second; a force that changes more slowly counts as held
+
+
+def symptoms(
+    problem: Problem,
+    simulated: FloatArray,
+    prediction: FloatArray,
+    pads: tuple[str, ...],
+    *,
+    warnings: tuple[str, ...] = (),
+    left_over: tuple[LeftOver, ...] = (),
+) -> Symptoms:
+    """Locate the error.
+
+    Args:
+        problem: The recording.
+        simulated: ``(T, pads, 3, rows, cols)`` newtons, simulation as recorded.
+        prediction: Prediction of the extended model, of the same shape.
+        pads: Names of the pads.
+        warnings: Warnings about the recording.
+        left_over: Structure in the residual, and near misses.
+    """
+    before = (problem.measured - problem.read(simulated)) * problem.weight
+    after = (problem.measured - problem.read(prediction)) * problem.weight
+    square, left = before**2, after**2
+    whole = max(float(square.sum()), 1e-12)
+
+    def places(names: list[str], was: FloatArray, now: FloatArray) -> tuple[Place, ...]:
+        return tuple(Place(n, float(a) / whole, float(b) / whole) for n, a, b in zip(names, was, now, strict=True))
+
+    grids = square.sum(axis=(0, 2)), left.sum(axis=(0, 2))
+    worst = np.argsort(grids[0].ravel())[::-1][:WORST]
+    at = zip(*np.unravel_index(worst, grids[0].shape), strict=True)
+    frames, phase = (square.sum(axis=(2, 3, 4)), left.sum(axis=(2, 3, 4))), phases_of(problem)
+    bands = _bands(problem, before) / whole, _bands(problem, after) / whole
+    return Symptoms(
+        warnings=warnings,
+        left_over=left_over,
+        pads=places(list(pads), *(grid.sum(axis=(1, 2)) for grid in grids)),
+        axes=places(["x", "y", "z"], square.sum(axis=(0, 1, 3, 4)), left.sum(axis=(0, 1, 3, 4))),
+        taxels=places([f"{pads[p]} ({r}, {c})" for p, r, c in at], *(grid.ravel()[worst] for grid in grids)),
+        phases=places(list(PHASES), *(np.array([f[phase == n].sum() for n in PHASES]) for f in frames)),
+        frequencies=tuple(
+            Place(_band_name(band), float(a), float(b)) for band, a, b in zip(BANDS, *bands, strict=True) if a or b
+        ),
+        covariates=_covariates(problem, before, after),
+    )
+
+
+def phases_of(problem: Problem) -> np.ndarray:
+    """``(T, pads)`` phase of the motion, one of `PHASES`.
+
+    A contact slides if its centre of pressure moves, or its shear changes faster than the normal force. The axes of
+    calibrated channels are not those of a force, so they never count as sliding.
+    """
+    x = problem.simulated
+    normal = np.abs(x).sum(axis=(2, 3, 4)) if problem.calibrated else x[:, :, 2].sum(axis=(2, 3))
+    shear = x[:, :, :2].sum(axis=(3, 4))
+    rows, cols = np.indices(x.shape[-2:])
+    weight = np.abs(x[:, :, 2]) / np.maximum(np.abs(x[:, :, 2]).sum(axis=(2, 3), keepdims=True), 1e-9)
+    middle = np.stack([(weight * rows).sum(axis=(2, 3)), (weight * cols).sum(axis=(2, 3))], axis=-1)
+
+    def changing(values: FloatArray) -> FloatArray:
+        return np.concatenate([rate(values[span], problem.time[span]) for span in problem.episodes])
+
+    largest = max(float(np.abs(normal).max()), 1e-9)
+    pressed = np.abs(normal) > 0.01 * largest
+    force, sideways = changing(normal) / largest, np.linalg.norm(changing(shear), axis=-1) / largest
+    moving = np.linalg.norm(changing(middle), axis=-1) > 0.5  # taxels per second
+    phase = np.full(normal.shape, "holding", dtype=object)
+    phase[force > _STILL] = "loading"
+    phase[force < -_STILL] = "unloading"
+    slides = (moving | (sideways > _STILL)) & (np.maximum(sideways, _STILL) > np.abs(force))
+    phase[slides & (not problem.calibrated)] = "sliding"
+    phase[~pressed] = "free"
+    return phase
+
+
+def _bands(problem: Problem, residual: FloatArray) -> FloatArray:
+    """``(BANDS,)`` energy of a residual in each band."""
+    power = np.zeros(len(BANDS))
+    for span in problem.episodes:
+        values = residual[span].reshape(span.stop - span.start, -1)
+        interval = max(float(np.median(np.diff(problem.time[span]))), 1e-6)
+        spectrum = np.sum(np.abs(np.fft.rfft(values, axis=0)) ** 2, axis=1)
+        spectrum[1:] *= 2
+        frequency = np.fft.rfftfreq(len(values), interval)
+        for number, (low, high) in enumerate(BANDS):
+            power[number] += spectrum[(frequency >= low) & (frequency < high)].sum() / len(values)
+    return power
+
+
+def _band_name(band: tuple[float, float]) -> str:
+    return f"above {band[0]:g} Hz" if np.isinf(band[1]) else f"{band[0]:g} to {band[1]:g} Hz"
+
+
+def _covariates(problem: Problem, before: FloatArray, after: FloatArray) -> tuple[Place, ...]:
+    """Largest squared correlation of a pad's mean residual on an axis with each covariate and with time, at rest."""
+    rest = problem.at_rest if problem.at_rest.sum() >= 20 else np.ones(len(problem.time), dtype=bool)
+    found = []
+    for name, values in {"time": problem.time, **problem.covariates}.items():
+        value = values[rest] - values[rest].mean()
+        if np.ptp(values[rest]) < 1e-9:
+            continue
+        shares = []
+        for residual in (before, after):
+            mean = residual[rest].mean(axis=(3, 4)).reshape(rest.sum(), -1)
+            mean = mean - mean.mean(axis=0)
+            energy = np.sum(value**2) * np.sum(mean**2, axis=0)
+            shares.append(float(np.max((value @ mean) ** 2 / np.maximum(energy, 1e-12))))
+        found.append(Place(f"{name}, at rest", *shares))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Scorer: the fit, the held-out error and the evidence of a set of causes."""
