@@ -42,7 +42,6 @@ ANYWHERE = {"errors", "_version"}
 
 # a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
 FACADES = {
-    "paxisim.diagnose.diagnosis": {"paxisim.diagnose.report.page"},
     "paxisim.scene.scene": {f"paxisim.scene.{name}" for name in ("changed", "replay", "rig", "toml")},
 }
 

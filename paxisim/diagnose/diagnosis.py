@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
 
-import numpy as np
-
-from paxisim.augment.chain import Chain
-from paxisim.diagnose.data.responses import in_si
+from paxisim.diagnose.report.page import head, page
 from paxisim.diagnose.report.text import text_of
-from paxisim.diagnose.result import FoundCause, HeldOut, Streams, Symptoms, Verdict
-from paxisim.document import Document, built, finite
+from paxisim.diagnose.result import Result
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.files import all_or_none, parse_file, whole_file
 from paxisim.scene.scene import Scene
@@ -23,22 +17,8 @@ from paxisim.scene.scene import Scene
 REPORT_FILE, MODEL_FILE = "report.html", "model.json"
 SCENE_FILE = "fitted_scene.toml"  # scene.toml may be the user's own
 
-_PARTS = {
-    "causes": tuple[FoundCause, ...],
-    "heldout": HeldOut,
-    "confidence": dict[str, float],
-    "not_testable": dict[str, str],
-    "symptoms": Symptoms,
-    "advice": tuple[str, ...],
-    "scene_values": dict[str, float],
-    "clock_shift": float,
-    "known": str,
-}
-"""Types of those fields of a diagnosis that JSON represents as they are."""
 
-
-@dataclass(frozen=True, repr=False)
-class Diagnosis(Document):
+class Diagnosis(Result):
     """What the simulation gets wrong, why, and how much a correction gains. `print` shows it as text.
 
     Attributes:
@@ -69,66 +49,6 @@ class Diagnosis(Document):
             simulation seen through it.
     """
 
-    verdict: Verdict
-    causes: tuple[FoundCause, ...]
-    heldout: HeldOut
-    confidence: Mapping[str, float]
-    not_testable: Mapping[str, str]
-    symptoms: Symptoms
-    advice: tuple[str, ...]
-    model: Chain = field(default_factory=Chain)
-    intervals: Mapping[str, Any] = field(default_factory=dict)
-    scene: Scene | None = field(default=None, repr=False, compare=False)
-    scene_values: Mapping[str, float] = field(default_factory=dict)
-    streams: Streams | None = field(default=None, repr=False, compare=False)
-    clock_shift: float = 0.0
-    known: str = ""
-
-    FORMAT = "paxisim-diagnosis/1"
-    ENTRIES = (
-        "verdict",
-        "causes",
-        "heldout",
-        "confidence",
-        "not_testable",
-        "symptoms",
-        "advice",
-        "model",
-        "intervals",
-        "scene_values",
-        "clock_shift",
-        "known",
-    )
-
-    @property
-    def scene_intervals(self) -> dict[str, tuple[float, float]]:
-        """90 % intervals of the scene parameters by name, in SI units, for `paxisim.SceneRanges.around`.
-
-        For a parameter without an interval, both ends equal its value.
-        """
-        fitted = (p for cause in self.causes for p in cause.parameters)
-        return {p.name: in_si(p.unit, p.value.ends) for p in fitted if p.name in self.scene_values}
-
-    def _entries(self) -> dict[str, Any]:
-        return {
-            "verdict": self.verdict,
-            **finite({name: getattr(self, name) for name in _PARTS}),
-            "model": self.model.to_document(),
-            "intervals": _as_lists(self.intervals),
-        }
-
-    @classmethod
-    def _from_entries(cls, entries: dict[str, Any]) -> Diagnosis:
-        if entries.get("verdict") not in get_args(Verdict):
-            expected = ", ".join(get_args(Verdict))
-            raise InvalidValueError(f"verdict must be one of {expected}, got {entries.get('verdict')!r}")
-        return cls(
-            verdict=entries["verdict"],
-            model=Chain.from_document(entries["model"]),
-            intervals=_as_arrays(entries["intervals"]),
-            **{name: built(kind, entries[name]) for name, kind in _PARTS.items() if name != "known" or name in entries},
-        )
-
     def report(self) -> str:
         """The diagnosis as a self-contained HTML page with pictures, without scripts or external resources.
 
@@ -137,8 +57,6 @@ class Diagnosis(Document):
         Raises:
             MissingExtraError: matplotlib or jinja2 is not installed.
         """
-        from paxisim.diagnose.report.page import page
-
         return page(self)
 
     def save(self, folder: str | Path) -> None:
@@ -216,8 +134,6 @@ class Diagnosis(Document):
 
     def _repr_html_(self) -> str:
         """The head of the report, for a notebook."""
-        from paxisim.diagnose.report.page import head
-
         return head(self)
 
     def __str__(self) -> str:
@@ -228,16 +144,3 @@ class Diagnosis(Document):
 def _write(path: Path, text: str) -> None:
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _as_lists(intervals: Mapping[str, Any]) -> Any:
-    if isinstance(intervals, Mapping):
-        return {name: _as_lists(item) for name, item in intervals.items()}
-    return [np.asarray(bound).tolist() for bound in intervals]
-
-
-def _as_arrays(document: Any) -> Any:
-    if isinstance(document, Mapping):
-        return {name: _as_arrays(item) for name, item in document.items()}
-    low, high = document
-    return np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)

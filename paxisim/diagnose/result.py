@@ -1,18 +1,25 @@
-"""Result: the parts of a diagnosis as plain data."""
+"""Result: a diagnosis as plain data, which is what its JSON file holds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.augment.chain import Chain
 from paxisim.diagnose.data.problem import peak_of
+from paxisim.diagnose.data.responses import in_si
+from paxisim.document import Document, built, finite
+from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.scene.parameters import SceneParameter
+from paxisim.scene.scene import Scene
+
+_Kind = TypeVar("_Kind", bound="Result")
 
 Verdict = Literal[
     "no_discrepancy", "clocks_differ", "explained", "ambiguous", "partly_explained", "unexplained", "unrelated"
@@ -274,3 +281,95 @@ class Streams:
 def pad_in_words(name: str) -> str:
     """Return the name of a pad, preceded by the word "pad" unless the name starts with it."""
     return name if name.startswith("pad") else f"pad {name}"
+
+
+_PARTS = {
+    "causes": tuple[FoundCause, ...],
+    "heldout": HeldOut,
+    "confidence": dict[str, float],
+    "not_testable": dict[str, str],
+    "symptoms": Symptoms,
+    "advice": tuple[str, ...],
+    "scene_values": dict[str, float],
+    "clock_shift": float,
+    "known": str,
+}
+"""Types of those fields of a diagnosis that JSON represents as they are."""
+
+
+@dataclass(frozen=True, repr=False)
+class Result(Document):
+    """A diagnosis as plain data; `Diagnosis` describes the fields."""
+
+    verdict: Verdict
+    causes: tuple[FoundCause, ...]
+    heldout: HeldOut
+    confidence: Mapping[str, float]
+    not_testable: Mapping[str, str]
+    symptoms: Symptoms
+    advice: tuple[str, ...]
+    model: Chain = field(default_factory=Chain)
+    intervals: Mapping[str, Any] = field(default_factory=dict)
+    scene: Scene | None = field(default=None, repr=False, compare=False)
+    scene_values: Mapping[str, float] = field(default_factory=dict)
+    streams: Streams | None = field(default=None, repr=False, compare=False)
+    clock_shift: float = 0.0
+    known: str = ""
+
+    FORMAT = "paxisim-diagnosis/1"
+    ENTRIES = (
+        "verdict",
+        "causes",
+        "heldout",
+        "confidence",
+        "not_testable",
+        "symptoms",
+        "advice",
+        "model",
+        "intervals",
+        "scene_values",
+        "clock_shift",
+        "known",
+    )
+
+    @property
+    def scene_intervals(self) -> dict[str, tuple[float, float]]:
+        """90 % intervals of the scene parameters by name, in SI units, for `paxisim.SceneRanges.around`.
+
+        For a parameter without an interval, both ends equal its value.
+        """
+        fitted = (p for cause in self.causes for p in cause.parameters)
+        return {p.name: in_si(p.unit, p.value.ends) for p in fitted if p.name in self.scene_values}
+
+    def _entries(self) -> dict[str, Any]:
+        return {
+            "verdict": self.verdict,
+            **finite({name: getattr(self, name) for name in _PARTS}),
+            "model": self.model.to_document(),
+            "intervals": _as_lists(self.intervals),
+        }
+
+    @classmethod
+    def _from_entries(cls: type[_Kind], entries: dict[str, Any]) -> _Kind:
+        if entries.get("verdict") not in get_args(Verdict):
+            expected = ", ".join(get_args(Verdict))
+            raise InvalidValueError(f"verdict must be one of {expected}, got {entries.get('verdict')!r}")
+        return cls(
+            verdict=entries["verdict"],
+            model=Chain.from_document(entries["model"]),
+            intervals=_as_arrays(entries["intervals"]),
+            **{name: built(kind, entries[name]) for name, kind in _PARTS.items() if name != "known" or name in entries},
+        )
+
+
+def _as_lists(intervals: Mapping[str, Any]) -> Any:
+    if isinstance(intervals, Mapping):
+        return {name: _as_lists(item) for name, item in intervals.items()}
+    return [np.asarray(bound).tolist() for bound in intervals]
+
+
+def _as_arrays(document: Any) -> Any:
+    if isinstance(document, Mapping):
+        return {name: _as_arrays(item) for name, item in document.items()}
+    low, high = document
+    return np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)

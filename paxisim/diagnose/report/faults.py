@@ -15,17 +15,17 @@ from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.result import pad_in_words
 
 if TYPE_CHECKING:
-    from paxisim.diagnose.diagnosis import Diagnosis
+    from paxisim.diagnose.result import Result
 
 MAX_LISTED = 8  # taxels or pairs listed per pad
 _AXES = "xyz"
 
 
-def fault_in_words(diagnosis: Diagnosis, name: str) -> str:
+def fault_in_words(diagnosis: Result, name: str) -> str:
     """Describe a layout fault, swapped taxels or dead taxels; empty for other causes.
 
     Args:
-        diagnosis: Diagnosis with the model and the names of the pads.
+        diagnosis: Result with the model and the names of the pads.
         name: Name of the cause.
     """
     if name not in diagnosis.model.names:

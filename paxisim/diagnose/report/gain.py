@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.report.style import EXTENDED, INK, MUTED, PAPER, SIMULATED, Picture, finish, panel
-from paxisim.diagnose.result import HeldOut
+from paxisim.diagnose.result import HeldOut, Result
 
 _MOST_TICKS = 12
 
 
-def gain_pictures(diagnosis: Diagnosis) -> list[Picture]:
+def gain_pictures(diagnosis: Result) -> list[Picture]:
     """Return pictures of the improvement by the extended model."""
     pictures = [_bars(diagnosis.heldout, bool(diagnosis.causes))]
     if diagnosis.causes:
@@ -60,7 +59,7 @@ def _bars(heldout: HeldOut, extended: bool) -> Picture:
     )
 
 
-def _causes(diagnosis: Diagnosis) -> Picture:
+def _causes(diagnosis: Result) -> Picture:
     causes = diagnosis.causes
     figure, axes = panel(0.85 + 0.38 * len(causes))
     for place, cause in enumerate(causes):
@@ -91,7 +90,7 @@ def _causes(diagnosis: Diagnosis) -> Picture:
     )
 
 
-def _episodes(diagnosis: Diagnosis) -> Picture:
+def _episodes(diagnosis: Result) -> Picture:
     gains = [100 * gain for gain in diagnosis.heldout.gain_per_episode]
     figure, axes = panel(2.0)
     shown = [max(gain, -100.0) for gain in gains]

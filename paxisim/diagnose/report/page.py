@@ -12,7 +12,6 @@ from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.report.faults import fault_in_words
 from paxisim.diagnose.report.text import (
     CONFIDENCE,
@@ -23,7 +22,7 @@ from paxisim.diagnose.report.text import (
     parameters_in_words,
     reasons_of,
 )
-from paxisim.diagnose.result import FoundCause, Interval
+from paxisim.diagnose.result import FoundCause, Interval, Result
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -48,7 +47,7 @@ ONE_EPISODE_HEAD = "{causes} may explain the difference"
 ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."
 
 
-def page(diagnosis: Diagnosis) -> str:
+def page(diagnosis: Result) -> str:
     """Return the report as HTML; see `Diagnosis.report`.
 
     Raises:
@@ -67,7 +66,7 @@ def page(diagnosis: Diagnosis) -> str:
     return environment.from_string(template).render(_context(diagnosis))
 
 
-def head(diagnosis: Diagnosis) -> str:
+def head(diagnosis: Result) -> str:
     """Return the head of the report as HTML: the verdict, and the causes with their gains."""
     sentence, figures = _sentence(diagnosis), diagnosis.heldout
     lines = [f"<h4>{escape(_head(diagnosis))}</h4>", f"<p>{escape(sentence)}</p>"]
@@ -83,11 +82,11 @@ def head(diagnosis: Diagnosis) -> str:
     return "\n".join(lines)
 
 
-def _sentence(diagnosis: Diagnosis) -> str:
+def _sentence(diagnosis: Result) -> str:
     return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
-def _context(diagnosis: Diagnosis) -> dict[str, Any]:
+def _context(diagnosis: Result) -> dict[str, Any]:
     from paxisim.diagnose.report.effect import effects
     from paxisim.diagnose.report.gain import gain_pictures
     from paxisim.diagnose.report.kinds import evidence
@@ -136,7 +135,7 @@ def _context(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _head(diagnosis: Diagnosis) -> str:
+def _head(diagnosis: Result) -> str:
     names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
     joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
     head = ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
@@ -157,7 +156,7 @@ def _reads_ahead(model: Chain) -> bool:
     )
 
 
-def _parameters(diagnosis: Diagnosis, cause: FoundCause) -> list[tuple[str, str]]:
+def _parameters(diagnosis: Result, cause: FoundCause) -> list[tuple[str, str]]:
     """Names and values of the parameters as text; long arrays are summarised by their range."""
     if words := fault_in_words(diagnosis, cause.name):
         return [("fault", words)]

@@ -11,8 +11,7 @@ from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.report.faults import fault_in_words
 
 if TYPE_CHECKING:
-    from paxisim.diagnose.diagnosis import Diagnosis
-    from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Place, Symptoms, Verdict
+    from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Place, Result, Symptoms, Verdict
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
@@ -41,12 +40,12 @@ CONFIDENCE = (
 )
 
 
-def is_of_one_episode(diagnosis: Diagnosis) -> bool:
+def is_of_one_episode(diagnosis: Result) -> bool:
     """Whether the verdict is ambiguous because no episode was held out, rather than because of rivals."""
     return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
 
 
-def text_of(diagnosis: Diagnosis) -> str:
+def text_of(diagnosis: Result) -> str:
     """Return the diagnosis as text, 80 columns wide."""
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
@@ -73,7 +72,7 @@ def text_of(diagnosis: Diagnosis) -> str:
     return "\n".join(lines)
 
 
-def reasons_of(diagnosis: Diagnosis) -> dict[str, list[str]]:
+def reasons_of(diagnosis: Result) -> dict[str, list[str]]:
     """Return the causes that the recording cannot test by reason, without those that the caller excluded."""
     reasons: dict[str, list[str]] = {}
     for name, why in diagnosis.not_testable.items():
@@ -86,7 +85,7 @@ def _wrap(text: str, indent: str) -> list[str]:
     return textwrap.wrap(text, TEXT_COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
 
 
-def _table(diagnosis: Diagnosis) -> list[str]:
+def _table(diagnosis: Result) -> list[str]:
     lines = [f"{'Cause':<16}{'explains':<26}{'confidence':>10}  rivals"]
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
