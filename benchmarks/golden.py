@@ -90,7 +90,11 @@ def solve(task: Task) -> Outcome:
     """Diagnose a case, and keep the numbers of its answer."""
     warnings.simplefilter("ignore")
     outcome, found = diagnosed(task.name, task.kind, (), task.recording())
-    outcome.about["answer"] = {"verdict": outcome.verdict} if found is None else answer(found)
+    if found is None:
+        message = outcome.said[-1].strip().splitlines()[-1]
+        outcome.about["answer"] = {"verdict": outcome.verdict, "message": message}
+        return outcome
+    outcome.about["answer"] = answer(found)
     return replace(outcome, said=())
 
 
