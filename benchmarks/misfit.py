@@ -21,6 +21,7 @@ from hidden.effects import EFFECTS
 from hidden_table.cases import recording
 
 from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.prepare import prepare
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules
@@ -48,7 +49,7 @@ def left(hidden: Hidden) -> tuple[float, float]:
     problem = problem_of(prepare(recording(case))[0])
     causes = [cause("offset"), cause(hidden.name)]
     fit = Scorer(problem, causes, Rules()).fit([item.name for item in causes])
-    level = replace(problem, curves=np.ones((1, len(problem.time))))
+    level = replace(problem, curves=Curves(np.ones((1, len(problem.time)))))
     ideal = float(np.sum(level.weigh(problem.measured - case.ideal) ** 2))
     effect = fit.effects[hidden.name]
     return (float(fit.energy.sum()) - ideal) / effect, effect / problem.samples

@@ -62,6 +62,11 @@ class Chain(DocumentFile, Transform):
         return any(member.has_memory for member in self.members)
 
     @property
+    def flattened(self) -> tuple[Transform, ...]:
+        """See `Transform.flattened`."""
+        return tuple(one for member in self.members for one in member.flattened)
+
+    @property
     def covariate_names(self) -> tuple[str, ...]:
         """Names of the covariates that the members need."""
         return tuple(dict.fromkeys(name for member in self.members for name in member.covariate_names))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -76,6 +76,11 @@ class Latency(StatefulTransform):
                 f"Latency: a delay below 0 must be one number, without jitter, got delay {self.delay!r} and jitter "
                 f"{self.jitter!r}"
             )
+
+    def between_frames(self, step: float) -> Latency:
+        """See `Transform.between_frames`; points between frames need a larger buffer."""
+        more = math.ceil(4 * abs(float(self.delay)) / step) + 4
+        return replace(self, capacity=max(self.capacity, more))
 
     @property
     def reads_ahead(self) -> bool:

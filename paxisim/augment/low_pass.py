@@ -40,6 +40,10 @@ class LowPass(StatefulTransform):
         ahead = lag(x - before, ahead, self.broadcast_parameter("tau", x), dt)
         return x + ahead, (keep(x), ahead)
 
+    def between_frames(self, step: float) -> LowPass:
+        """See `Transform.between_frames`."""
+        return self
+
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
         return None if np.ndim(self.tau) else x + lag_sequence(x, float(self.tau), steps)

@@ -74,6 +74,19 @@ class Transform:
         return type(self).__name__
 
     @property
+    def flattened(self) -> tuple[Transform, ...]:
+        """The transforms that it applies one after another: itself, or the members of a chain and of chains in it."""
+        return (self,)
+
+    def between_frames(self, step: float) -> Transform | None:
+        """The transform for points `step` seconds apart, if it needs points between frames 20 to 50 ms apart.
+
+        Returns:
+            None for a transform whose effect is slow compared with such frames, or that has no memory.
+        """
+        return None
+
+    @property
     def covariate_names(self) -> tuple[str, ...]:
         """Names of the covariates it needs, taken from its field ``covariate``."""
         return tuple(getattr(self, f.name) for f in fields(self) if f.name == "covariate" and getattr(self, f.name))  # type: ignore[arg-type]

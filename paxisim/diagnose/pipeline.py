@@ -284,7 +284,7 @@ def _streams(recording: Recording, found: Explanation, in_scene: InScene | None)
         covariates=problem.covariates,
         pads=recording.pads,
         layout=recording.layout,
-        step=problem.step,
+        step=problem.noise.step,
         alive=problem.alive,
         calibrated=problem.calibrated,
         in_scene=in_scene,

@@ -20,7 +20,7 @@ def search(scorer: Scorer) -> tuple[str, ...]:
     needed = len(found) > len(nuisances) or any(
         scorer.evidence(found, n).kept for n in nuisances if not causes[n].tacit
     )
-    if any(not causes[n].tacit for n in nuisances) and needed and scorer.problem.counting.is_steep:
+    if any(not causes[n].tacit for n in nuisances) and needed and scorer.problem.noise.is_steep:
         # a zero offset visible only under load absorbs other effects, so it must be worth its price, too
         bare = _climbed(scorer, tuple(n for n in nuisances if causes[n].tacit))
         without = [tuple(n for n in names if n not in nuisances or causes[n].tacit) for names in (found, bare)]

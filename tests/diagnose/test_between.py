@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim import augment
-from paxisim.diagnose.data.between import FINE_STEP, curve_through
+from paxisim.diagnose.data.pieces import FINE_STEP, curve_through
 from paxisim.diagnose.data.problem import Problem
 
 PAUSE = np.concatenate([0.05 * np.arange(10), 30 + 0.05 * np.arange(10)])

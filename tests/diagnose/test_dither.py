@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.data.dither import HIDDEN_NOISE, dither_of
+from paxisim.diagnose.data.noise_floor import HIDDEN_NOISE, dither_of
 
 EPISODES, FRAMES, STEP, INTERVAL = 10, 80, 0.1, 0.02
 SIZE = (2, 3, 4, 3)

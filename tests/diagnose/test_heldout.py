@@ -45,7 +45,7 @@ def heldout(problem, names):
 def test_a_held_out_episode_says_nothing_of_its_own_prediction(problem, names):
     """The prediction from the other episodes does not depend on the measurements of the held-out episode."""
     number = int(np.argmax([problem.simulated[span].max() for span in problem.episodes]))
-    change = (heldout(odd(problem, number), names) - heldout(problem, names)) / problem.sigma
+    change = (heldout(odd(problem, number), names) - heldout(problem, names)) / problem.noise.sigma
     own = np.zeros(len(change), dtype=bool)
     own[problem.episodes[number]] = True
     assert np.sqrt(np.mean(change[own] ** 2)) < 0.02, "the held-out prediction changed by more than 2% of the noise"

@@ -8,9 +8,10 @@ from scipy.signal import lfilter
 
 from paxisim import augment
 from paxisim.diagnose.data import prepare as preparing
-from paxisim.diagnose.data.noise import Tolerance, rate
+from paxisim.diagnose.data.noise import Noise, Tolerance, rate
 from paxisim.diagnose.data.prepare import prepare
-from paxisim.diagnose.data.problem import MAX_FITTED_VALUES, Problem, with_noise
+from paxisim.diagnose.data.problem import Problem, with_noise
+from paxisim.diagnose.data.sampling import MAX_FITTED_VALUES
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -22,7 +23,7 @@ def problem(step=0.1, dither=0.03, clips=True, frames=60, interval=0.01, cols=3)
     force = push[:, None, None, None, None] * np.ones((1, 2, 3, 2, cols)) * np.array([0.3, -0.2, 1.0])[:, None, None]
     spans = tuple(slice(k * frames, (k + 1) * frames) for k in range(3))
     alive = np.ones(force.shape[1:], dtype=bool)
-    return Problem(force, force, time, {}, spans, np.full_like(force, 0.03), 1.0, alive, step, dither, clips)
+    return Problem(force, force, time, {}, spans, Noise(np.full_like(force, 0.03), step, dither, clips), alive, 1.0)
 
 
 @pytest.mark.parametrize(("step", "dither"), [(0.1, 0.004), (0.1, 0.03), (0.01, 0.03)])
@@ -37,12 +38,12 @@ def test_what_is_read_is_the_mean_of_noisy_counts(step, dither):
     np.testing.assert_allclose(read[:, 2], np.maximum(counts, 0).mean(axis=0), atol=6e-3)
     pressed = np.linspace(0.02, 0.4, 12).reshape(1, 1, 3, 4) * np.ones((2, 3, 1, 1))
     if dither == 0.03:  # little noise hides the force between two steps
-        np.testing.assert_allclose(made.counting.unread(made.read(pressed[None])[0]), pressed, atol=1e-3)
+        np.testing.assert_allclose(made.noise.unread(made.read(pressed[None])[0]), pressed, atol=1e-3)
 
 
 def test_what_is_left_of_readings_is_known():
     dither = 0.06
-    counting = problem(0.1, dither, clips=False).counting
+    counting = problem(0.1, dither, clips=False).noise
     rng = np.random.default_rng(2)
     force = rng.uniform(-0.05, 0.05, (50_000, 1, 3, 1, 1))
     counts = np.round((force + dither * rng.standard_normal(force.shape)) / 0.1) * 0.1
@@ -84,28 +85,29 @@ def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, s
     pressed = np.tile(np.arange(300) >= 150, 3)
     force = made.simulated * pressed[:, None, None, None, None]
     fresh = np.random.default_rng(2).standard_normal(force.shape)
-    noise = share * made.step * lfilter([np.sqrt(1 - slow**2)], [1, -slow], fresh, axis=0)
-    counted = made.step * np.round((force + noise) / made.step)
+    noise = share * made.noise.step * lfilter([np.sqrt(1 - slow**2)], [1, -slow], fresh, axis=0)
+    counted = made.noise.step * np.round((force + noise) / made.noise.step)
     read = with_noise(replace(made, measured=counted, simulated=force))
     fast = np.sqrt(1 - slow) if share > 1 else 1.0  # visible changes reveal only the fast part of the noise
     true = np.median(counted[~pressed][:, :, :2].std(axis=0))
-    assert 0.7 * fast < np.median(read.sigma[~pressed][:, :, :2]) / true < 1.4
+    assert 0.7 * fast < np.median(read.noise.sigma[~pressed][:, :, :2]) / true < 1.4
 
 
 def test_noise_that_is_not_finite_is_refused():
     with np.errstate(all="ignore"), pytest.raises(InvalidValueError, match="not finite"):
-        with_noise(replace(problem(), tolerance=Tolerance(gain=np.inf)))
+        made = problem()
+        with_noise(replace(made, noise=replace(made.noise, tolerance=Tolerance(gain=np.inf))))
 
 
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():
-    assert problem().thinned.stride == 1
+    assert problem().thinned.sampling.fitted == 1
     long = problem(frames=4000, cols=8, interval=0.005)
     assert long.samples > 2 * MAX_FITTED_VALUES
-    assert long.stride > 1
-    assert len(long.thinned.time) == sum(len(range(0, 4000, long.stride)) for _ in long.episodes)
+    assert long.sampling.fitted > 1
+    assert len(long.thinned.time) == sum(len(range(0, 4000, long.sampling.fitted)) for _ in long.episodes)
     shaking = 0.2 * np.random.default_rng(0).random((len(long.time), 1, 1, 1, 1))
     rough = replace(long, simulated=long.simulated + shaking)
-    assert rough.stride == 1
+    assert rough.sampling.fitted == 1
 
 
 def test_a_recording_that_is_too_long_is_shortened_and_says_so(monkeypatch):

@@ -26,8 +26,8 @@ LATE = 0.1  # s, time constant of a taxel that responds late
 def _read(problem: Problem) -> Reading | None:
     """Return the taxels that do not respond on any axis although they are pressed in the simulation."""
     simulated, measured = problem.simulated, problem.measured
-    level, noise = np.median(measured, axis=0), np.median(problem.sigma, axis=0)
-    floor = max(0.6 * problem.step, 0.03)
+    level, noise = np.median(measured, axis=0), np.median(problem.noise.sigma, axis=0)
+    floor = max(0.6 * problem.noise.step, 0.03)
     loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR_FORCE))[:, :, 2] & (simulated[:, :, 2] > 0)
     dead = loaded.sum(axis=0) >= MIN_CLEAR_FRAMES
     # a late response may rise after the press has ended
@@ -84,7 +84,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     energy, both = np.sum(x**2, axis=(0, 2)), np.sum(x * y, axis=(0, 2))
     missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
     still = ((problem.measured - level) / noise).std(axis=0) < MAX_STUCK_SPREAD
-    reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.step
+    reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.noise.step
     return far & (both < 0.25 * energy) & (missing > MISSING_RESPONSE) & still.all(axis=1) & reached
 
 

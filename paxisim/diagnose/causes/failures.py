@@ -70,7 +70,7 @@ def _noise(problem: Problem) -> FloatArray:
     """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
     rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
     spreads = [rest.std(axis=0) for rest in rests if len(rest) >= MIN_REST_FRAMES]
-    usual = np.median(problem.sigma, axis=0)
+    usual = np.median(problem.noise.sigma, axis=0)
     return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
 
 
@@ -160,7 +160,7 @@ def _confirmed(
     told, level = maybe.copy(), np.zeros(maybe.shape)
     for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
         place, course = (pad, axis, row, col), (slice(None), pad, axis, row, col)
-        least = FAR_FROM_REST * max(float(noise[place]), 0.6 * problem.step)
+        least = FAR_FROM_REST * max(float(noise[place]), 0.6 * problem.noise.step)
         level[place], unlike = _stays(problem, problem.measured[course], after[course], least)
         if maybe[place]:
             loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]

@@ -74,7 +74,7 @@ def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> boo
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
     """Correlation in each episode that has a load; the median of each taxel is subtracted from the measurement."""
     out = []
-    least = max(0.1 * float(np.abs(simulated).max()), problem.step)
+    least = max(0.1 * float(np.abs(simulated).max()), problem.noise.step)
     for span in problem.episodes:
         a, b = measured[span], simulated[span]
         if np.abs(b).max() > least:

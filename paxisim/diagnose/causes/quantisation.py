@@ -12,9 +12,9 @@ COARSER = 1.2  # in units of that step; coarser rounding is a cause
 
 
 def _read(problem: Problem) -> Reading | None:
-    if problem.step < COARSER * DEVICE_STEP:
+    if problem.noise.step < COARSER * DEVICE_STEP:
         return None
-    return Reading(augment.Quantisation((problem.step,) * 3), {"step": problem.step}, problem, rounds=True)
+    return Reading(augment.Quantisation((problem.noise.step,) * 3), {"step": problem.noise.step}, problem, rounds=True)
 
 
 QUANTISATION = Cause(

@@ -73,7 +73,7 @@ def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray
         Squared residuals in noise units, ``(episodes, taxels, taxels)`` with the reading taxel first, and the squared
         forces (N^2), ``(taxels,)``.
     """
-    noise = np.median(problem.sigma[:, pad, axis], axis=0).ravel()
+    noise = np.median(problem.noise.sigma[:, pad, axis], axis=0).ravel()
     products, forces, readings = [], [], []
     for span in problem.episodes:
         x, y = (

@@ -87,7 +87,7 @@ def _halves(problem: Problem, effects: Iterable[FloatArray], rules: Rules) -> di
     then half of the effect is before it. If an episode holds most of several effects, their samples' median is taken.
     """
     thinned, found = problem.thinned, dict[int, list[int]]()
-    stride = problem.stride
+    stride = problem.sampling.fitted
     for effect in effects:
         energies = [_energy(thinned, effect, span) for span in thinned.episodes]
         sums = np.array([own.sum() for own in energies])

@@ -1,22 +1,27 @@
-"""Noise: estimates of the noise and of tolerated errors, from the streams themselves."""
+"""Noise: the noise of a recording, tolerated errors, and the mean reading of a sensor that rounds and clips."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
+from paxisim.diagnose.data.pieces import FloatArray, in_blocks
 from paxisim.scene.encoder import EncoderError
 
-FloatArray = NDArray[np.float64]
-
-NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
-COMMON = 0.15  # least share of the gaps that are one step
-SHIFTED = 0.1  # steps; with a larger phase the readings are not multiples of the step
-
-_PRESSED = 0.2  # share of the largest force above which clipping at 0 does not affect the noise
+NO_RIPPLE = 1e-5  # steps; smaller rounding errors are neglected
+STEEP = 0.25  # steps; with less noise, two harmonics do not represent the staircase
+MIN_NOISE = 0.02  # steps
+BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
+UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
+TABLE_POINTS = 400  # points of the table below per standard deviation of the noise
+BEYOND_EDGE = np.append(ndtr(-(np.arange(int(TABLE_POINTS * BEYOND)) + 0.5) / TABLE_POINTS), 0.0).astype(np.float32)
+"""Share of the noise beyond a rounding edge, by the distance to the edge; 0 from `BEYOND` on."""
+CLIPPING_REACH = 7.0  # force, in units of the noise, above which clipping at 0 has no effect
 
 
 @dataclass(frozen=True)
@@ -36,66 +41,151 @@ class Tolerance:
     encoder: EncoderError | None = None
 
 
-def noise_of(
-    measured: FloatArray,
-    simulated: FloatArray,
-    episodes: tuple[slice, ...],
-    step: float,
-    alive: NDArray[np.bool_],
-) -> FloatArray:
-    """Standard deviation of each channel's noise (N), from differences of the residual between samples.
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """The noise of a recording and the rounding of its sensor, which together give the mean reading of a force.
 
-    Slow effects hardly contribute to these differences, and their median is robust to fast transients. A channel
-    quieter than the median of its axis is assigned that median.
+    The mean of a rounded value is a staircase, smoothed by noise and the uncertainty of the force. A smooth staircase
+    is represented by its first two harmonics.
+
+    Attributes:
+        sigma: ``(T, pads, 3, rows, cols)`` N, standard deviation of noise, rounding and tolerated errors.
+        step: Newtons per count, 0 if the sensor does not quantise.
+        dither: Standard deviation of the noise before rounding (N).
+        clips: Whether normal readings are clipped at 0.
+        phase: The reading nearest to 0 (N); 0 where readings are whole steps.
+        tolerance: Errors that need no explanation.
+        excused: Energy of tolerated replay errors, per compared value, in units of the noise.
     """
-    residual = measured - simulated
-    steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
-    sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
-    each = [np.median(sigma[:, axis][alive[:, axis]]) if alive[:, axis].any() else 0.0 for axis in range(3)]
-    if measured[:, :, 2].min() >= 0:  # clipping at 0 hides the noise of the normal force at rest
-        shear = [each[axis] for axis in range(2) if alive[:, axis].any()]
-        each[2] = max(each[2], float(np.mean(shear)) if shear else _under_load(steps, simulated, episodes))
-    typical = np.reshape(each, (1, 3, 1, 1))
-    return np.maximum(np.maximum(sigma, typical), max(step / np.sqrt(12), 1e-3))
+
+    sigma: FloatArray
+    step: float
+    dither: float
+    clips: bool = False
+    phase: float = 0.0
+    tolerance: Tolerance = Tolerance()
+    excused: float = 0.0
+
+    def at(self, frames: NDArray[np.intp]) -> Noise:
+        """The noise in some frames."""
+        return replace(self, sigma=self.sigma[frames])
+
+    @property
+    def reads_all(self) -> bool:
+        """Whether `read` returns its input unchanged, because rounding and clipping have no effect."""
+        return not self._ripples and not self._cuts
+
+    @property
+    def is_steep(self) -> bool:
+        """Whether the noise rarely reaches the next count."""
+        return self.dither < STEEP * self.step
+
+    def read(self, force: FloatArray) -> FloatArray:
+        """Mean reading of `force` ``(T, pads, 3, rows, cols)``; `force` itself if there is no difference."""
+        return force if self.reads_all else in_blocks(force, lambda part: self._read(force[part]))
+
+    def unread(self, reading: FloatArray) -> FloatArray:
+        """The constant force whose mean reading is `reading` ``(..., pads, 3, rows, cols)``."""
+        if self.reads_all:
+            return reading
+        size = float(np.abs(reading).max()) + 2 * self.step + 2 * self.dither
+        force = np.linspace(-size, size, 4001)
+        grid = np.broadcast_to(force[:, None, None, None, None], (len(force), 1, 3, 1, 1))
+        read = np.maximum.accumulate(self.read(grid)[:, 0, :, 0, 0], axis=0)
+        found = np.empty_like(reading)
+        for axis in range(3):
+            rising = np.flatnonzero(np.diff(read[:, axis], prepend=-np.inf) > 1e-9)
+            found[..., axis, :, :] = np.interp(reading[..., axis, :, :], read[rising, axis], force[rising])
+        return found
+
+    @property
+    def left(self) -> float:
+        """Variance (N^2) of a reading around its mean, averaged over forces within a step."""
+        if self.step == 0:
+            return self.dither**2
+        order = np.arange(1, 13)
+        harmonics = np.exp(-4 * (np.pi * order * self.dither / self.step) ** 2) / order**2
+        return self.dither**2 + self.step**2 * (1 / 12 - float(harmonics.sum()) / (2 * np.pi**2))
+
+    def slope(self, force: FloatArray, whole_step: bool = False) -> FloatArray:
+        """Derivative of the mean reading with respect to `force`; only if `reads_all` is False.
+
+        Args:
+            force: ``(T, pads, 3, rows, cols)`` N.
+            whole_step: Whether to take it over a whole step: a steep staircase is flat almost everywhere.
+        """
+        small = self.step / 2 if whole_step else 1e-3 * (self.step or self.dither)
+        return (self.read(force + small) - self.read(force - small)) / (2 * small)
+
+    def _read(self, force: FloatArray) -> FloatArray:
+        read = force - self._rounding(force) if self._ripples else force.copy()
+        if self._cuts:
+            normal = read[:, :, 2]
+            normal += self._cut_off(force[:, :, 2])
+            np.maximum(normal, 0, out=normal)
+        return read
+
+    @property
+    def _cuts(self) -> bool:
+        return self.clips and self.dither > 0
+
+    @property
+    def _ripples(self) -> bool:
+        return self.step > 0 and np.exp(-2 * (np.pi * self.dither / self.step) ** 2) > NO_RIPPLE
+
+    def _cut_off(self, force: FloatArray) -> FloatArray:
+        """How much clipping at 0 adds to the mean reading."""
+        table, scale = self._cut_table
+        place = np.clip((force + CLIPPING_REACH * self.dither) * scale, 0.0, len(table) - 1.001)
+        low = place.astype(np.intp)
+        place -= low
+        return table[low] * (1 - place) + table[low + 1] * place
+
+    @cached_property
+    def _cut_table(self) -> tuple[FloatArray, float]:
+        """`_cut_off` tabulated within `CLIPPING_REACH` times the noise, and the number of table entries per newton."""
+        force = np.linspace(-CLIPPING_REACH, CLIPPING_REACH, 4001) * self.dither
+        below = -force / self.dither
+        if self.dither < 0.5 * self.step:  # counts are distinct; the caller clips what is far below 0
+            step, top = self.step / self.dither, self.phase / self.dither
+            top = top if top < 0 else top - step  # the highest reading below 0
+            edges = top + step / 2 - step * np.arange(3)
+            sizes = np.array([-top, step, step]) * self.dither
+            table = np.sum([size * ndtr(below + edge) for size, edge in zip(sizes, edges, strict=True)], axis=0)
+        else:
+            bell = np.exp(-0.5 * below**2) / np.sqrt(2 * np.pi)
+            table = self.dither * (bell + below * ndtr(below))
+        return table, 4000 / (2 * CLIPPING_REACH * self.dither)
+
+    def _rounding(self, force: FloatArray) -> NDArray[np.float32]:
+        """How much rounding subtracts from the mean reading, in single precision."""
+        least = max(self.dither / self.step, MIN_NOISE)
+        turns = ((force - self.phase) / self.step).astype(np.float32).ravel()
+        variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
+        turns = turns - np.rint(turns)
+        if least >= STEEP:
+            ripple = _smooth(turns, variance)
+        else:
+            steep, ripple = variance < STEEP**2, np.empty_like(turns)
+            for where, form in ((steep, _staircase), (~steep, _smooth)):
+                part = np.flatnonzero(where)  # twice as fast as the mask
+                ripple[part] = form(turns[part], variance[part])
+        return (ripple * np.float32(self.step)).reshape(force.shape)
 
 
-def _under_load(steps: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...]) -> float:
-    """Noise (N) of the normal force under loads large enough to avoid clipping."""
-    normal = np.concatenate([simulated[span, :, 2][1:] for span in episodes])
-    changes = steps[:, :, 2][normal > _PRESSED * normal.max()]
-    return float(np.sqrt(np.median(changes**2) / 0.455 / 2)) if changes.size else 0.0
+def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise of at least `STEEP`, in steps: two harmonics."""
+    first = np.exp(np.float32(-2 * np.pi**2) * variance)  # attenuation of each harmonic by the noise
+    second = first**2 * first**2
+    angle = np.float32(2 * np.pi) * turns
+    return np.sin(angle) * (first - second * np.cos(angle)) / np.float32(np.pi)
 
 
-def step_of(measured: FloatArray) -> tuple[float, float]:
-    """Quantisation step of the sensor and its reading nearest to 0 (N); both are 0 if there is no step."""
-    values = np.unique(np.round(measured[:: max(1, len(measured) // 400)].ravel(), 5))
-    gaps = np.diff(values)
-    gaps = gaps[gaps > 2e-4]
-    if not len(gaps):
-        return 0.0, 0.0
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    for candidate in np.unique(np.round(gaps, 4)):  # the smallest common gap; clipping at 0 adds others
-        alike = np.abs(gaps - candidate) < NEARLY_STEP * candidate
-        if alike.mean() > COMMON:
-            step = float(np.median(gaps[alike]))
-            break
-    phase = float(np.angle(np.mean(np.exp(2j * np.pi * values / step))) / (2 * np.pi)) * step
-    phase = phase if abs(phase) > SHIFTED * step else 0.0
-    values = values[values != 0] if phase else values  # 0 is where normal readings are clipped
-    for _ in range(3):  # large readings determine the step more precisely, once their counts are known
-        counts = np.round((values - phase) / step)
-        near = np.abs(counts) <= 0.1 / 1e-5 * step
-        step = float(np.sum((values[near] - phase) * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
-    off = np.abs((values - phase) / step - np.round((values - phase) / step))
-    return (step, phase) if np.quantile(off, 0.99) < 0.02 else (0.0, 0.0)
-
-
-def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` variance (N^2) of the tolerated errors around the simulation `x`."""
-    speed = np.concatenate([rate(x[span], time[span]) for span in episodes])
-    along, across = differences(x)
-    allowed = (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
-    return allowed if tolerance.encoder is None else allowed + tolerance.encoder.variance(x)
+def _staircase(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise below `STEEP`, in steps."""
+    below = (0.5 - np.abs(turns)) / np.sqrt(variance)  # distance to the edge, in units of the noise
+    place = np.minimum(below * np.float32(TABLE_POINTS), np.float32(TABLE_POINTS * BEYOND)).astype(np.intp)
+    return turns - np.copysign(BEYOND_EDGE[place], turns)
 
 
 def rate(values: FloatArray, time: FloatArray) -> FloatArray:

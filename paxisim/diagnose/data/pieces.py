@@ -7,7 +7,8 @@ one pass over the longest piece processes all of them.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.data.between import Curve, at_frames, curve_through
+
+FloatArray = NDArray[np.float64]
+
+FINE_STEP = 0.01  # s between interpolated points
+MAX_GAP = 0.15  # s; longer gaps between frames are not interpolated
+_NODES = 4
+BLOCK_VALUES = 40_000  # values per block
 
 
 class Pieces:
@@ -99,3 +106,66 @@ def in_one_piece(time: NDArray[np.float64], episodes: Sequence[slice]) -> tuple[
     usual = 1.5 * float(np.median(breaks[1:]))
     starts = [span.start for span in episodes if not 0 < breaks[span.start] <= usual]
     return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Points at and between the frames of a sequence, as weighted sums of the frames.
+
+    Attributes:
+        time: ``(M,)`` seconds, including those of the frames.
+        own: ``(T,)`` indices of the frames.
+        nodes: ``(M, n)`` indices of the frames that each point is made of, in order.
+        weights: ``(M, n)`` weights of these frames.
+    """
+
+    time: NDArray[np.float64]
+    own: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    weights: NDArray[np.float64]
+
+
+def at_frames(time: NDArray[np.float64]) -> Curve:
+    """The frames at these times (s) and no points between them."""
+    own = np.arange(len(time))
+    return Curve(time, own, own[:, None], np.ones((len(own), 1)))
+
+
+def curve_through(time: NDArray[np.float64]) -> Curve:
+    """Points between frames at these times (s), each on the cubic through the four nearest frames.
+
+    Linear interpolation would cut off the peaks of fast motions, as a low-pass filter does, and a delay by half a frame
+    interval, which averages neighbouring frames, would be mistaken for one. If the frames are close enough, too few or
+    not in order, there is nothing between them.
+    """
+    gaps = np.diff(time)
+    parts = np.where(gaps < MAX_GAP, np.maximum(np.round(gaps / FINE_STEP), 1), 1).astype(int)
+    if len(time) < _NODES or gaps.min() <= 0 or parts.max() == 1:
+        return at_frames(time)
+    before = np.append(np.repeat(np.arange(len(gaps)), parts), len(gaps))  # the frame before each point
+    own = np.append(0, np.cumsum(parts))
+    way = (np.arange(len(before)) - own[before]) / np.append(parts, 1)[before]
+    points = time[before] + way * np.append(gaps, 0.0)[before]
+    nodes = np.clip(before - 1, 0, len(time) - _NODES)[:, None] + np.arange(_NODES)
+    at = time[nodes]
+    weights = np.ones_like(at)
+    for one in range(_NODES):
+        for other in range(_NODES):
+            if other != one:
+                weights[:, one] *= (points - at[:, other]) / (at[:, one] - at[:, other])
+    return Curve(points, own, nodes, weights)
+
+
+def in_blocks(values: FloatArray, function: Callable[[slice], FloatArray]) -> FloatArray:
+    """Apply a function to ``(T, ...)`` values block by block and concatenate the results.
+
+    Args:
+        values: Array that gives the shape of the result; the function is expected to close over its data.
+        function: Takes a slice of frames and returns an array with the shape of `values` for that slice.
+    """
+    out = np.empty_like(values)
+    frames = max(BLOCK_VALUES // max(values[:1].size, 1), 1)
+    for start in range(0, len(values), frames):
+        part = slice(start, start + frames)
+        out[part] = function(part)
+    return out

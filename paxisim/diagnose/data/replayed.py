@@ -37,6 +37,6 @@ def replay_errors(problem: Problem, prediction: FloatArray) -> Iterator[FloatArr
     Contacts may be stiffer or softer, along each axis, and earlier or later than in reality.
     """
     for axis in np.eye(3):
-        yield problem.tolerance.gain * prediction * axis[:, None, None]
+        yield problem.noise.tolerance.gain * prediction * axis[:, None, None]
     speed = [rate(prediction[span], problem.time[span]) for span in problem.episodes]
-    yield problem.tolerance.time * np.concatenate(speed)
+    yield problem.noise.tolerance.time * np.concatenate(speed)

@@ -27,7 +27,7 @@ def silent_channels(problem: Problem) -> NDArray[np.bool_]:
     still = alive & (np.ptp(problem.measured, axis=0) == 0)
     if not still.any():
         return still
-    pressed = pressed_beyond(problem, max(CLEAR_FORCE, CLEAR_SHARE * problem.peak, 2 * problem.step))
+    pressed = pressed_beyond(problem, max(CLEAR_FORCE, CLEAR_SHARE * problem.peak, 2 * problem.noise.step))
     silent = still & (pressed.sum(axis=0) >= MIN_CLEAR_FRAMES)
     for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
         silent[pad, axis] |= still[pad, axis] & _is_missing(problem, int(pad), int(axis), still)
@@ -37,7 +37,7 @@ def silent_channels(problem: Problem) -> NDArray[np.bool_]:
 def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_]) -> bool:
     force = np.abs(problem.simulated)
     size = float(np.quantile(force[:, pad, axis].max(axis=(1, 2)), 0.998))
-    if size <= max(2 * problem.step, PRESSED_SHARE * problem.peak):
+    if size <= max(2 * problem.noise.step, PRESSED_SHARE * problem.peak):
         return False
     smaller = (force > size / 4) & (force < size / 2) & ~still
     read = problem.measured != np.median(problem.measured, axis=0)
@@ -46,6 +46,6 @@ def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_])
 
 def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
     """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
-    variance = problem.sigma**2
+    variance = problem.noise.sigma**2
     tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
     return np.abs(problem.simulated) > np.maximum(least, ON_TAXEL * tolerated)

@@ -72,12 +72,12 @@ def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
     residual = np.empty(prediction.shape, dtype=np.float32)
     for span in problem.episodes:
         difference = problem.measured[span] - problem.read(prediction[span])
-        square = (problem.alive / problem.sigma[span]) ** 2
+        square = (problem.alive / problem.noise.sigma[span]) ** 2
         amount, weights = amount + np.sum(square * difference, axis=0), weights + square.sum(axis=0)
         residual[span] = difference
     mean = amount / np.maximum(weights, 1e-12)
     for span in problem.episodes:
-        residual[span] = (residual[span] - mean) * (problem.alive / problem.sigma[span])
+        residual[span] = (residual[span] - mean) * (problem.alive / problem.noise.sigma[span])
     return residual
 
 
@@ -152,7 +152,7 @@ def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
     projections = np.zeros((len(sides), len(problem.episodes), prediction.shape[1], rows, cols))
     products = np.zeros_like(projections)
     for number, span in enumerate(problem.episodes):
-        x, weight = prediction[span], problem.alive / problem.sigma[span]
+        x, weight = prediction[span], problem.alive / problem.noise.sigma[span]
         padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
         for side, (down, right) in enumerate(sides):
             effect = (padded[..., 1 + down : 1 + down + rows, 1 + right : 1 + right + cols] - x) * weight
@@ -170,7 +170,7 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
     same, moved = 0, 0
     for span in problem.episodes:
         change = np.abs(np.diff(problem.simulated[span], axis=0))
-        clear = np.any(change > 2 * problem.step + 6 * problem.sigma[span][1:], axis=(1, 2, 3, 4))
+        clear = np.any(change > 2 * problem.noise.step + 6 * problem.noise.sigma[span][1:], axis=(1, 2, 3, 4))
         still = np.all(np.diff(problem.measured[span], axis=0) == 0, axis=(1, 2, 3, 4))
         same, moved = same + int((clear & still).sum()), moved + int(clear.sum())
     if moved >= 20:

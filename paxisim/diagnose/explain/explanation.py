@@ -201,7 +201,7 @@ def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, Float
     others = [c for c in found.off.causes if c.name != named.name]
     problem = read_off(found.off.raw, others).problem
     if found.off.readings[named.name].rounds:
-        return replace(problem, step=0.0, clips=False), found.heldout
+        return replace(problem, noise=replace(problem.noise, step=0.0, clips=False)), found.heldout
     scorer = Scorer(problem, found.scorer.causes.values(), found.scorer.rules, found.folds)
     fit = scorer.fitter.exact(scorer.fitter.fit(found.fit.causes, found.fit, found.fit.constant))
     return problem, heldout_of(problem, found.folds, fit, jobs)

@@ -109,8 +109,8 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: 
         variance = np.clip(np.var(after[problem.at_rest], axis=0), fast, SLOW_NOISE * fast)
     else:
         variance = np.median(steps**2, axis=0) / 0.455 / 2
-    rounding = problem.counting.left if coarse else problem.step**2 / 12
-    each = np.where(np.abs(prediction) > problem.step / 4, np.maximum(variance, rounding), variance)
+    rounding = problem.noise.left if coarse else problem.noise.step**2 / 12
+    each = np.where(np.abs(prediction) > problem.noise.step / 4, np.maximum(variance, rounding), variance)
     floor = np.array([np.sum(each[span], where=problem.alive) for span in problem.episodes])
     if coarse:
         floor *= min(1.0, float(_squares(problem, after).sum() / max(floor.sum(), 1e-12)))

@@ -14,6 +14,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.kinds import courses_of
+from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
 from paxisim.diagnose.data.problem import FloatArray, Problem
@@ -71,7 +72,7 @@ def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | Non
     if len(found.problem.episodes) < 3:
         return None
     if named.cause.local is not None:
-        problem = replace(found.problem, curves=np.ones((1, len(found.problem.time))))
+        problem = replace(found.problem, curves=Curves(np.ones((1, len(found.problem.time)))))
         return named.cause.local.error(problem, found.prediction, np.asarray(named.values[name]))
     if named.cause.course is not None and name == named.cause.course.name:
         return _zero_spread(found, named)
@@ -97,7 +98,7 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     flat = slopes.reshape(len(free), -1)
     inverse = np.linalg.pinv(flat @ flat.T + np.diag(squares.prior), rcond=1e-9, hermitian=True)
     variance, degrees = _clustered(rows, residual, slopes, inverse)
-    errors = [rows.tolerance.place * change / 2 for change in differences(prediction)]
+    errors = [rows.noise.tolerance.place * change / 2 for change in differences(prediction)]
     for error in errors if rows.scene is None else (*errors, *replay_errors(rows, prediction)):
         effect = rows.weigh(error).reshape(frames, -1)
         variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
@@ -141,10 +142,10 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
     problem = found.problem
     causes = courses_of(found.fit.causes)
-    curved = with_curves(problem, causes, found.fit.shapes)
-    curves, mine = curved.curves, curved.curves_owned_by(named.name)
-    assert curves is not None
-    spans = [span for span in problem.told_by_episode if len(span) >= _LEAST_REST]
+    curved = with_curves(problem, causes, found.fit.shapes).curves
+    assert curved is not None
+    curves, mine = curved.values, curved.owned_by(named.name)
+    spans = [span for span in problem.baseline.by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
         return None
     left = problem.measured - problem.read(found.prediction)
@@ -156,10 +157,10 @@ def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
-    middle, counting = problem.read(zero[None])[0], problem.counting
+    middle, noise = problem.read(zero[None])[0], problem.noise
     ends = []
     for share in _NOISES:  # the noise determines how far the zero offset is from a rounding edge
-        own = replace(counting, dither=share * counting.dither)
+        own = replace(noise, dither=share * noise.dither)
         ends += [own.unread(middle - reach), own.unread(middle + reach)]
     half = np.ptp(ends, axis=0) / 2
     return half[0] if len(half) == 1 else half

@@ -63,7 +63,7 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
         problem: The recording.
         prediction: ``(T, pads, 3, rows, cols)`` newtons, the output of the model.
     """
-    noise = problem.sigma.min(axis=0)
+    noise = problem.noise.sigma.min(axis=0)
     scales = _scales(problem, prediction)
     seen = np.zeros((prediction.shape[1], *prediction.shape[3:]))
     names: list[str] = []

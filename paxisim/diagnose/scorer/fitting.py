@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from paxisim.diagnose.causes.kinds import Cause, CausePart, courses_of
+from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.scorer.model import Fitted, Model
@@ -163,7 +164,7 @@ class Fitter:
                 begun = [c for c in causes if c.name in values or c is item or c.local or c.course]
                 values[item.name] = best_start(Model(self.problem, begun, rows), item, values, zero)
         values = squares.descend(values, zero)
-        if not len(zero) or (rows.counting.reads_all and not squares.bends):
+        if not len(zero) or (rows.noise.reads_all and not squares.bends):
             return values, zero
         # start the zero offset at 0: an estimate with fewer causes contains the effects of the missing ones
         for _ in range(MAX_ZERO_ROUNDS):
@@ -186,7 +187,7 @@ class Fitter:
             rows, *parts = [replace(own, constant=constant) for own in (rows, *parts)]
         if rows.curves is not None and len(rows.curves) > 1:
             left = self._left(start, rows)
-            rows, *parts = [own.shrunk(left) for own in (rows, *parts)]
+            rows, *parts = [replace(own, curves=own.baseline.shrunk(left)) for own in (rows, *parts)]
         return rows, parts
 
     def linearised(self, fit: Fit) -> tuple[Squares, FloatArray, FloatArray]:
@@ -226,11 +227,11 @@ class Fitter:
         known = [c for c in causes if c.course is not None and c.name in shapes]
         rows, parts = self._rows(known, shapes)
         own = rows if fold is None else parts[fold]
-        means, squares = own.means_where_told(left), []
+        means, squares = own.baseline.means(left), []
         for shape in item.course.shapes:
             tried = with_curves(own, [*known, item], {**shapes, item.name: shape}).curves
             assert tried is not None
-            basis = own.means_where_told(tried.T)
+            basis = own.baseline.means(tried.values.T)
             hat = basis @ np.linalg.pinv(basis)
             leverage = np.minimum(np.diag(hat), 1 - 1e-3)[:, None, None, None, None]
             apart = (means - np.tensordot(hat, means, 1)) / (1 - leverage)
@@ -265,14 +266,14 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
     rows, model = squares.rows, squares.model
     read = rows.read(model.run(values, zero))
     solved = {**values, **model.solved}
-    zero = zero + rows.zero_of(rows.measured - read) if len(zero) else zero
-    return Part(solved, zero, shapes, rows.owners)
+    zero = zero + rows.baseline.fit(rows.measured - read) if len(zero) else zero
+    return Part(solved, zero, shapes, () if rows.curves is None else rows.curves.owners)
 
 
 def with_curves(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> Problem:
     """The problem with the curves of the causes that have a course, in chain order."""
     curves = {c.name: c.course.curves(rows, shapes[c.name]) for c in courses_of(causes) if c.course is not None}
     if not curves:
-        return replace(rows, curves=None, owners=())
+        return replace(rows, curves=None)
     owners = tuple(name for name, own in curves.items() for _ in own)
-    return replace(rows, curves=np.concatenate(list(curves.values())), owners=owners)
+    return replace(rows, curves=Curves(np.concatenate(list(curves.values())), owners))

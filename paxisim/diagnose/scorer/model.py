@@ -124,11 +124,11 @@ class Model:
         If quantisation hides an offset, the constant is first searched on a grid. Gauss-Newton steps with the slopes of
         the mean reading follow.
         """
-        rows, place = self.rows.at_told, self._stages.index(None)
+        rows, place = self.rows.at_baseline, self._stages.index(None)
         assert rows.curves is not None
-        force = self._into[place][self.rows.told]
-        if place + 1 == len(self._stages) and rows.counting.reads_all:
-            return start + rows.zero_of(rows.measured - force - _over_time(rows, start))
+        force = self._into[place][self.rows.baseline.samples]
+        if place + 1 == len(self._stages) and rows.noise.reads_all:
+            return start + rows.baseline.fit(rows.measured - force - _over_time(rows, start))
 
         def read(zero: FloatArray, shift: float = 0.0) -> FloatArray:
             x = force + (_over_time(rows, zero) + shift)
@@ -138,11 +138,11 @@ class Model:
             return rows.read(x)
 
         square = rows.weight**2
-        searched = rows.counting.is_steep and np.ptp(rows.curves[0]) == 0
+        searched = rows.noise.is_steep and rows.curves.constant[0]
         zero = _from_grid(rows, read, start, square) if searched else start
-        step = rows.step or 4 * rows.dither or float(np.median(rows.sigma[:, rows.alive]))
-        chord = np.clip(NOISE_CHORD * rows.dither, MIN_CHORD * step, MAX_CHORD * step)
-        most = step / np.maximum(np.abs(rows.curves).max(axis=1), 1.0)[:, None, None, None, None]
+        step = rows.noise.step or 4 * rows.noise.dither or float(np.median(rows.noise.sigma[:, rows.alive]))
+        chord = np.clip(NOISE_CHORD * rows.noise.dither, MIN_CHORD * step, MAX_CHORD * step)
+        most = step / np.maximum(np.abs(rows.curves.values).max(axis=1), 1.0)[:, None, None, None, None]
         best, least = zero, np.full(zero.shape[1:], np.inf)
         for turn in range(ZERO_STEPS + 1):
             miss = rows.measured - read(zero)
@@ -150,14 +150,16 @@ class Model:
             best, least = np.where(left < least, zero, best), np.minimum(left, least)
             if turn < ZERO_STEPS:
                 slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
-                zero = rows.drawn(zero + np.clip(_amounts(rows.curves, square, slope, miss), -most, most))
+                zero = rows.baseline.drawn(
+                    zero + np.clip(_amounts(rows.curves.values, square, slope, miss), -most, most)
+                )
         return best
 
 
 def _over_time(rows: Problem, zero: FloatArray) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` newtons, zero offset of each sample."""
     assert rows.curves is not None
-    return np.tensordot(rows.curves.T, zero, 1) + rows.constant
+    return rows.curves.over_time(zero) + rows.constant
 
 
 def _from_grid(rows: Problem, read, start: FloatArray, square: FloatArray) -> FloatArray:
@@ -165,7 +167,7 @@ def _from_grid(rows: Problem, read, start: FloatArray, square: FloatArray) -> Fl
     best, least = start, np.full(start.shape[1:], np.inf)
     for share in ZERO_GRID:
         moved = start.copy()
-        moved[0] += share * rows.step
+        moved[0] += share * rows.noise.step
         left = np.einsum("t...,t...->...", square, (rows.measured - read(moved)) ** 2)
         better = left < (1 - ROUNDING) * least
         best, least = np.where(better, moved, best), np.where(better, left, least)

@@ -47,7 +47,7 @@ class Ranking:
         force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)
         stride = max(1, int(rows.samples / MAX_VALUES))
         thin = rows.every(stride)
-        kept = rows.frames(stride)
+        kept = np.concatenate(rows.sampling.frames(stride))
         unit = fitter.unit[kept]
         fold = np.where(unit >= 0, fitter.fold[unit], -1)
         shape, prediction = prediction.shape, prediction[kept]
@@ -55,14 +55,14 @@ class Ranking:
 
         def weighed(change: FloatArray) -> FloatArray:
             change = problem.at_compared(change)[kept]
-            read = change if thin.counting.reads_all else thin.read(prediction + change) - was_read
+            read = change if thin.noise.reads_all else thin.read(prediction + change) - was_read
             return thin.weigh(read)
 
         def through(change: FloatArray) -> FloatArray:
             """Effect of a scene change after the model, in units of the noise."""
             moved = Model(replace(problem, simulated=problem.simulated + change), fit.causes, rows)
             after = moved.run(fit.whole.values, fit.whole.zero)[kept]
-            read = after - prediction if thin.counting.reads_all else thin.read(after) - was_read
+            read = after - prediction if thin.noise.reads_all else thin.read(after) - was_read
             return thin.weigh(read)
 
         squares, _, slopes = fitter.linearised(fit)

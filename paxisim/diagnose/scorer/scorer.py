@@ -70,7 +70,7 @@ class Scorer:
             shown = (effect for c in self.causes.values() for effect in effects(thin, c, thin.simulated))
             folds = folds_of(problem, shown, rules)
         self.folds = folds
-        self.material = (rules.material + rules.replayed * problem.excused) * problem.samples
+        self.material = (rules.material + rules.replayed * problem.noise.excused) * problem.samples
         self.fitter = Fitter(problem, folds)
         self._stage = ""
         self._fits: dict[frozenset[str], Fit] = {}
@@ -225,9 +225,9 @@ class Scorer:
         rows = self.fitter.rows(fit.causes, fit.shapes)
         rest, zero = rows.at_rest, fit.whole.zero
         assert rows.curves is not None
-        own = rows.curves_owned_by(name)
-        whole = np.tensordot(rows.curves.T[rest], zero, 1) + fit.constant
-        without = whole - np.tensordot(rows.curves[own].T[rest], zero[own], 1)
+        curves, own = rows.curves.values, rows.curves.owned_by(name)
+        whole = np.tensordot(curves.T[rest], zero, 1) + fit.constant
+        without = whole - np.tensordot(curves[own].T[rest], zero[own], 1)
         errors = [
             float(np.sum((rows.weight[rest] * (rows.measured[rest] - rows.read(offset))) ** 2))
             for offset in (whole, without)
@@ -260,7 +260,7 @@ def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
     if not fields:
         return np.zeros_like(constant)
     amounts = np.concatenate(fields)
-    plane, amounts = problem.planes(constant), amounts - problem.planes(amounts)
+    plane, amounts = problem.baseline.planes(constant), amounts - problem.baseline.planes(amounts)
     basis = (amounts * problem.alive).reshape(len(amounts), -1).T
     shares = np.linalg.lstsq(basis, ((constant - plane) * problem.alive).ravel(), rcond=1e-6)[0]
     return np.asarray(plane + np.tensordot(shares, amounts, 1), dtype=np.float64)

@@ -44,7 +44,7 @@ class Squares:
         self._held = np.where(np.isfinite(spreads), 1 / spreads, 0.0)
         self.prediction: FloatArray = np.zeros(0)
         self._kept: FloatArray | None = None  # the Jacobian
-        self._whole_step = self.rows.counting.is_steep
+        self._whole_step = self.rows.noise.is_steep
         self._neutral = np.array([f.neutral for _, _, f in self.free])
         self._scale = np.array([f.scale for _, _, f in self.free])
 
@@ -155,8 +155,8 @@ class Squares:
                 out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
         for item in courses_of(self.causes):
             assert self.rows.curves is not None
-            own = self.rows.curves_owned_by(item.name)
-            added = np.tensordot(self.rows.curves[own].T, zero[own], 1)
+            own = self.rows.curves.owned_by(item.name)
+            added = np.tensordot(self.rows.curves.values[own].T, zero[own], 1)
             out[item.name] = float(np.sum((added * self.rows.weight) ** 2))
         return out
 
@@ -233,7 +233,7 @@ class Squares:
     def _slopes(self, values: Fitted) -> FloatArray:
         """``(free, residuals)`` derivatives of the residual by each parameter, in units of its scale."""
         slopes = np.zeros((len(self.free), self.rows.measured.size))
-        counting = self.rows.counting
+        counting = self.rows.noise
         steep = 1.0 if counting.reads_all else counting.slope(self.prediction, self._whole_step)
         known, absorbed = dict(values), None
         if len(self._local) == 1 and self._local[0][1].absorbed is not None:  # it need not be solved for each parameter

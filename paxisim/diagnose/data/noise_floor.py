@@ -1,4 +1,7 @@
-"""Dither: noise ahead of quantisation, estimated from count changes under constant force."""
+"""Noise floor: the noise, the quantisation step and the noise before rounding, estimated from the streams.
+
+Slow effects hardly contribute to differences between samples, and their median is robust to fast transients.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.special import ndtr, ndtri
 
-from paxisim.diagnose.data.noise import FloatArray
+from paxisim.diagnose.data.noise import Tolerance, differences, rate
+from paxisim.diagnose.data.pieces import FloatArray
 
+NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
+COMMON = 0.15  # least share of the gaps that are one step
+SHIFTED = 0.1  # steps; with a larger phase the readings are not multiples of the step
+
+_PRESSED = 0.2  # share of the largest force above which clipping at 0 does not affect the noise
 MIN_EPISODE_SAMPLES = 5  # fewest samples in an episode
 SMOOTH = 0.6  # steps; above it, the standard deviation at rest determines the noise
 HELD_SECONDS = 0.3  # s of constant force after which a slow sensor has settled
@@ -18,6 +27,67 @@ MAX_MOVING_CHANGE = 0.2  # steps that it may change if too few samples are held
 MIN_COMPARED = 300  # fewest compared counts
 HIDDEN_NOISE = 0.15  # steps; noise that may be invisible at rest
 NOISES = np.geomspace(0.01, 1.0, 60)  # steps
+
+
+def noise_of(
+    measured: FloatArray,
+    simulated: FloatArray,
+    episodes: tuple[slice, ...],
+    step: float,
+    alive: NDArray[np.bool_],
+) -> FloatArray:
+    """Standard deviation of each channel's noise (N), from differences of the residual between samples.
+
+    A channel quieter than the median of its axis is assigned that median.
+    """
+    residual = measured - simulated
+    steps = np.concatenate([np.diff(residual[span], axis=0) for span in episodes])
+    sigma = np.sqrt(np.median(steps**2, axis=0) / 0.455 / 2)
+    each = [np.median(sigma[:, axis][alive[:, axis]]) if alive[:, axis].any() else 0.0 for axis in range(3)]
+    if measured[:, :, 2].min() >= 0:  # clipping at 0 hides the noise of the normal force at rest
+        shear = [each[axis] for axis in range(2) if alive[:, axis].any()]
+        each[2] = max(each[2], float(np.mean(shear)) if shear else _under_load(steps, simulated, episodes))
+    typical = np.reshape(each, (1, 3, 1, 1))
+    return np.maximum(np.maximum(sigma, typical), max(step / np.sqrt(12), 1e-3))
+
+
+def _under_load(steps: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...]) -> float:
+    """Noise (N) of the normal force under loads large enough to avoid clipping."""
+    normal = np.concatenate([simulated[span, :, 2][1:] for span in episodes])
+    changes = steps[:, :, 2][normal > _PRESSED * normal.max()]
+    return float(np.sqrt(np.median(changes**2) / 0.455 / 2)) if changes.size else 0.0
+
+
+def step_of(measured: FloatArray) -> tuple[float, float]:
+    """Quantisation step of the sensor and its reading nearest to 0 (N); both are 0 if there is no step."""
+    values = np.unique(np.round(measured[:: max(1, len(measured) // 400)].ravel(), 5))
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 2e-4]
+    if not len(gaps):
+        return 0.0, 0.0
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    for candidate in np.unique(np.round(gaps, 4)):  # the smallest common gap; clipping at 0 adds others
+        alike = np.abs(gaps - candidate) < NEARLY_STEP * candidate
+        if alike.mean() > COMMON:
+            step = float(np.median(gaps[alike]))
+            break
+    phase = float(np.angle(np.mean(np.exp(2j * np.pi * values / step))) / (2 * np.pi)) * step
+    phase = phase if abs(phase) > SHIFTED * step else 0.0
+    values = values[values != 0] if phase else values  # 0 is where normal readings are clipped
+    for _ in range(3):  # large readings determine the step more precisely, once their counts are known
+        counts = np.round((values - phase) / step)
+        near = np.abs(counts) <= 0.1 / 1e-5 * step
+        step = float(np.sum((values[near] - phase) * counts[near]) / max(np.sum(counts[near] ** 2), 1.0)) or step
+    off = np.abs((values - phase) / step - np.round((values - phase) / step))
+    return (step, phase) if np.quantile(off, 0.99) < 0.02 else (0.0, 0.0)
+
+
+def tolerated(x: FloatArray, time: FloatArray, episodes: tuple[slice, ...], tolerance: Tolerance) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` variance (N^2) of the tolerated errors around the simulation `x`."""
+    speed = np.concatenate([rate(x[span], time[span]) for span in episodes])
+    along, across = differences(x)
+    allowed = (tolerance.gain * x) ** 2 + (tolerance.time * speed) ** 2 + tolerance.place**2 * (across**2 + along**2)
+    return allowed if tolerance.encoder is None else allowed + tolerance.encoder.variance(x)
 
 
 def dither_of(
@@ -54,7 +124,7 @@ def dither_of(
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
     if step == 0:
         return 0.0
-    held = _under_load(measured, simulated, episodes, interval, step, alive)
+    held = _dither_under_load(measured, simulated, episodes, interval, step, alive)
     if not resting:
         return HIDDEN_NOISE * step if held is None else held
     # counts change least for an offset in the middle of a step
@@ -77,7 +147,7 @@ def _spread(parts: list[FloatArray]) -> float:
     return float(np.median([part.std(axis=0) for part in parts]))
 
 
-def _under_load(
+def _dither_under_load(
     measured: FloatArray,
     simulated: FloatArray,
     episodes: tuple[slice, ...],
