@@ -77,7 +77,7 @@ def test_shapes_do_not_see_what_channels_may_be_off_by(quiet):
     measured = quiet.measured + 0.05 * rng.standard_normal(quiet.alive.shape) * quiet.simulated
     for span in quiet.episodes:
         measured[span] += rng.uniform(-0.1, 0.1, quiet.alive.shape)
-    given = dataclasses.replace(quiet, measured=measured, step=0.0, clips=False)
+    given = dataclasses.replace(quiet, measured=measured, noise=dataclasses.replace(quiet.noise, step=0.0, clips=False))
     shapes = shapes_of(given, given.simulated)
     assert shapes.gains().sum(axis=1).max() < SHAPE * shapes.samples
 
@@ -87,7 +87,12 @@ def test_a_shape_is_found_by_its_name_and_with_its_energy_in_groups_of_episodes(
     effect = 0.2 * quiet.simulated * total / total.max()
     spans = [np.array_split(np.arange(span.start, span.stop), 3) for span in quiet.episodes]
     parts = tuple(slice(own[0], own[-1] + 1) for thirds in spans for own in thirds)
-    given = dataclasses.replace(quiet, measured=quiet.simulated + effect, step=0.0, clips=False, episodes=parts)
+    given = dataclasses.replace(
+        quiet,
+        measured=quiet.simulated + effect,
+        noise=dataclasses.replace(quiet.noise, step=0.0, clips=False),
+        episodes=parts,
+    )
     shapes = shapes_of(given, given.simulated)
     gains = shapes.gains()
     assert gains.shape == (len(shapes.names), MAX_GROUPS)

@@ -94,9 +94,10 @@ def test_the_noise_of_coarse_counts_is_found_however_seldom_they_change(share, s
 
 
 def test_noise_that_is_not_finite_is_refused():
+    made = problem()
+    tolerant = replace(made, noise=replace(made.noise, tolerance=Tolerance(gain=np.inf)))
     with np.errstate(all="ignore"), pytest.raises(InvalidValueError, match="not finite"):
-        made = problem()
-        with_noise(replace(made, noise=replace(made.noise, tolerance=Tolerance(gain=np.inf))))
+        with_noise(tolerant)
 
 
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from paxisim import augment
 from paxisim.diagnose.causes.detected import read_off
 from paxisim.diagnose.causes.vocabulary import cause
+from paxisim.diagnose.data.noise import Noise
 from paxisim.diagnose.data.problem import Problem
 from paxisim.errors import InvalidValueError
 
@@ -28,7 +29,8 @@ def problem(measured_of, axes=(0.3, -0.2, 1.0), seed=4):
     measured = measured_of(force, time) + NOISE * rng.standard_normal(force.shape)
     spans = tuple(slice(k * FRAMES, (k + 1) * FRAMES) for k in range(EPISODES))
     alive = np.ones(SIZE, dtype=bool)
-    return Problem(measured, force, time, {}, spans, np.full_like(force, NOISE), float(force.max()), alive, 0.0, NOISE)
+    noise = Noise(np.full_like(force, NOISE), 0.0, NOISE)
+    return Problem(measured, force, time, {}, spans, noise, alive, float(force.max()))
 
 
 def read_layout(given):
