@@ -126,9 +126,9 @@ def test_a_taxel_that_only_the_edge_of_one_contact_may_have_touched_is_not_dead(
     simulated, measured = streams
     simulated[:, 0, :, 1, 1] *= (np.arange(len(pressed.time)) < FRAMES)[:, None]
     measured[:, 0, :, 1, 1] = noise(pressed)
-    sigma = pressed.sigma.copy()
+    sigma = pressed.noise.sigma.copy()
     sigma[:, 0, 2, 1, 1] += steep * 0.12 * simulated[:, 0, 2, 1, 1]  # where the contact force falls off steeply
-    found = read_taxels(replace(pressed, sigma=sigma), simulated, measured)
+    found = read_taxels(replace(pressed, noise=replace(pressed.noise, sigma=sigma)), simulated, measured)
     assert found == [[] if steep else [(0, 1, 1)], []]
 
 
