@@ -20,6 +20,7 @@ from hidden.cases import make
 from hidden.effects import EFFECTS
 from hidden_table.cases import recording
 
+from paxisim.diagnose.causes.kinds import DetectedCause
 from paxisim.diagnose.causes.vocabulary import cause
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.prepare import prepare
@@ -61,7 +62,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--recordings", type=int, default=3, help="number of recordings per form")
     arguments = parser.parse_args()
-    fitted = [n for n in EFFECTS if cause(n).read is None and n != "offset"]
+    fitted = [n for n in EFFECTS if not isinstance(cause(n), DetectedCause) and n != "offset"]
     forms = [(name, form) for name in fitted for form in EFFECTS[name].forms]
     todo = [Hidden(*pair, SEED + k) for pair in forms for k in range(arguments.recordings)]
     print(f"{'cause':<14}{'misfit':>8}  {'form':<18}{'left in each recording':>30}{'effect / noise':>18}")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import Cause, effects
+from paxisim.diagnose.causes.kinds import Cause, FittedCause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.data.correspondence import MIN_CORRELATION
 from paxisim.diagnose.data.problem import FloatArray, Problem
@@ -184,7 +184,7 @@ def _check(causes: Sequence[str] | None, scene: Scene | None, seed: int, jobs: i
     if isinstance(causes, str):
         raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
     for name in causes or ():
-        if cause(name).change is not None and scene is None:
+        if cause(name).in_scene and scene is None:
             raise InvalidValueError(f"{name} is a cause inside the scene: give diagnose the scene, too")
     if scene is not None and not isinstance(scene, Scene):
         raise InvalidValueError(f"scene must be a paxisim.Scene, got {type(scene).__name__}: Scene.load reads a file")
@@ -196,7 +196,7 @@ def _named(
     """The named causes, largest gain first, and near misses by name."""
     gains = gains_of(squares, seed)
     scorer = found.scorer
-    remembering = [name for name, item in scorer.causes.items() if item.remembers]
+    remembering = [name for name, item in scorer.causes.items() if isinstance(item, FittedCause) and item.remembers]
     rivals = with_untold(found.problem, rivals_of(found), remembering)
     parameters = parameters_of(found)
     causes = [
@@ -220,10 +220,10 @@ def _parts(
     found: Explanation, squares: SquaredErrors, named: Named, whole: Interval, seed: int, jobs: int
 ) -> tuple[FoundPart, ...]:
     """The parts of a cause that pass the test of a cause, largest gain first; a single part has that of the whole."""
-    if not named.cause.parts:
+    if not named.parts:
         return ()
     weak = {e.name for e in found.scorer.evidence_of_parts(found.chosen, named.name) if not e.kept}
-    gains = dict.fromkeys(named.cause.parts, whole) | part_gains(found, squares, named, seed, jobs)
+    gains = dict.fromkeys(named.parts, whole) | part_gains(found, squares, named, seed, jobs)
     parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]
     parts = [part for part in parts if part.name not in weak] or parts
     return tuple(sorted(parts, key=lambda part: -part.gain.value))
@@ -262,9 +262,9 @@ def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
     """Reason for each cause whose effect at a material size would stay below the noise in this motion."""
     problem, rules, missing = found.problem.thinned, found.scorer.rules, {}
     for item in wanted:
-        if item.read is not None or item.local is not None or item.course is not None:
+        if not isinstance(item, FittedCause):
             continue
-        changes = effects(problem, item, problem.simulated)
+        changes = item.effects(problem, problem.simulated)
         energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
         if energy < rules.visible * rules.material * problem.samples:
             missing[item.name] = "this motion does not excite it: at a material size its effect stays below the noise"

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from paxisim.diagnose.causes.kinds import FittedCause
 from paxisim.diagnose.scorer.scorer import Scorer
 
 AFRESH = 2  # number of causes from which no fit is repeated from the causes' own starts
@@ -75,9 +76,7 @@ def _pruned(scorer: Scorer, chosen: tuple[str, ...]) -> bool:
     while failed := [
         e for n in chosen for e in scorer.evidence_of_parts(chosen, n) if e.gain.sum() <= 0 or e.amount < 1
     ]:
-        weakest = min(failed, key=lambda e: e.share).name
-        name, part = next((n, p) for n in chosen for p in scorer.causes[n].parts if p.name == weakest)
-        scorer.leave_out(name, part)
+        scorer.leave_out(chosen, min(failed, key=lambda e: e.share).name)
         pruned = True
     return pruned
 
@@ -85,9 +84,9 @@ def _pruned(scorer: Scorer, chosen: tuple[str, ...]) -> bool:
 def _candidates(scorer: Scorer, names: Sequence[str], most: int) -> list[tuple[str, ...]]:
     """Causes to try adding: those fitted in closed form, and the `most` others with the largest promise."""
     least = scorer.rules.promise * scorer.material
-    local = [n for n, c in scorer.causes.items() if n not in names and (c.local or c.course)]
+    in_closed_form = [n for n, c in scorer.causes.items() if n not in names and not isinstance(c, FittedCause)]
     promising = [n for gain, n in scorer.ranked(names)[:most] if gain > least]
-    return [(n,) for n in (*local, *promising)]
+    return [(n,) for n in (*in_closed_form, *promising)]
 
 
 def _pairs(scorer: Scorer, names: Sequence[str]) -> list[tuple[str, ...]]:
@@ -154,7 +153,7 @@ def _by_merit(scorer: Scorer, sets: Sequence[tuple[str, ...]]) -> list[tuple[str
     def merit(names: tuple[str, ...]) -> tuple[float, float]:
         causes = [scorer.causes[n] for n in names]
         left = scorer.objective(names)
-        plain = all(c.local is None and (c.nuisance or not c.course) for c in causes)
+        plain = all(c.nuisance or isinstance(c, FittedCause) for c in causes)
         numbers = sum(len(c.parameters(scorer.problem)) for c in causes)
         return (numbers, left) if left < least and plain else (np.inf, left)
 

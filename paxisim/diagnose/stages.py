@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from paxisim.diagnose.causes.detected import ReadOff, read_off
-from paxisim.diagnose.causes.kinds import Cause, effects
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, DetectedCause
 from paxisim.diagnose.causes.scene import IMPRATIO, MEAN_POSE
 from paxisim.diagnose.causes.vocabulary import CAUSES, cause, known_causes
 from paxisim.diagnose.data.correspondence import CLOCKS, Correspondence, aligned, correspondence_of
@@ -139,7 +139,7 @@ def scorer_of(ready: Ready, jobs: int, tell: Tell, rules: Rules | None = None) -
     rules = rules or (Rules() if ready.raw.scene is None else IN_SCENE)
     known = (*CAUSES, MEAN_POSE, IMPRATIO)
     nuisances = [item for item in known if item.nuisance and item not in ready.wanted and not item.barred(ready.raw)]
-    fitted = [item for item in (*ready.wanted, *nuisances) if item.read is None]
+    fitted = [item for item in (*ready.wanted, *nuisances) if not isinstance(item, DetectedCause)]
     return Scorer(ready.off.problem, fitted, rules, jobs=jobs, tell=tell)
 
 
@@ -178,7 +178,7 @@ def wanted_of(
         item = cause(name)
         if causes is not None and name not in causes:
             not_searched[name] = NOT_ASKED
-        elif item.change is not None and raw.scene is None:
+        elif item.in_scene and raw.scene is None:
             continue
         elif name in hidden:
             not_searched[name] = hidden[name]
@@ -193,9 +193,9 @@ def wanted_of(
 
 def _needs_contact(raw: Problem, item: Cause) -> str:
     """Reason why a cause has no effect in a recording without contact; empty if it has one or if there is contact."""
-    if raw.has_contact or item.course is not None or item.read is not None:
+    if raw.has_contact or isinstance(item, (BaselineCause, DetectedCause)):
         return ""
-    acts = item.local is None and any(change.any() for change in effects(raw.thinned, item, raw.thinned.simulated))
+    acts = any(effect.any() for effect in item.effects(raw.thinned, raw.thinned.simulated))
     return "" if acts else "it has no effect without contact"
 
 

@@ -73,7 +73,7 @@ def test_every_cause_has_words_a_kind_of_picture_and_two_pictures(given):
     assert not set(PICTURES) & {item.name for item in CAUSES}, "kinds of picture and causes must have different names"
     problem = problem_of(given)
     for item in CAUSES:
-        if item.change is None:
+        if not item.in_scene:
             # the second place has a gauge, if the cause has one
             transform, parameters = member_of(item.name, problem, 1)
             chain = in_order([(item.name, transform)])

@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import Cause, Free, Values, one_away
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Values, one_away
 from paxisim.diagnose.data.problem import Problem
 
 # Within the plane of the pad only the symmetric part: the antisymmetric part is a `rotation` about the normal.
@@ -27,13 +27,13 @@ def _make(values: Values, problem: Problem) -> augment.AxisCoupling:
     return augment.AxisCoupling(matrix)
 
 
-AXIS_COUPLING = Cause(
-    "axis_coupling",
-    50,
-    _make,
-    "slides",
-    lambda p: tuple(Free(name, "1", 0.0, -0.6, 0.6, 0.05, 0.012) for name in COUPLED),
-    lambda p: [one_away(len(COUPLED), i, 0.0, 0.1) for i in range(len(COUPLED))],
+AXIS_COUPLING = FittedCause(
+    name="axis_coupling",
+    order=50,
+    make=_make,
+    excites="slides",
+    free=lambda p: tuple(Free(name, "1", 0.0, -0.6, 0.6, 0.05, 0.012) for name in COUPLED),
+    starts=lambda p: [one_away(len(COUPLED), i, 0.0, 0.1) for i in range(len(COUPLED))],
     misfit=0.002,
     barred=mixes_alike,
     words="A force on one axis leaks into the reading of another axis.",

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from paxisim import augment
 from paxisim.augment.channel_curve import hats
-from paxisim.diagnose.causes.kinds import Cause, Local, Values
+from paxisim.diagnose.causes.kinds import PerChannelCause
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 KNOTS = 9
@@ -49,14 +49,14 @@ def _ends(problem: Problem) -> tuple[float, float]:
     return problem.least if problem.least < -0.1 * problem.peak else 0.0, problem.peak
 
 
-def _curve(values: Values, problem: Problem) -> augment.ChannelCurve:
+def _curve(values: FloatArray, problem: Problem) -> augment.ChannelCurve:
     return augment.ChannelCurve(np.asarray(values), *_ends(problem))
 
 
 def _solve(
     problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors at the knots, channel by channel; see `Local.solve`."""
+    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors at the knots; see `PerChannelCause.solve`."""
     low, high = (np.asarray(value) for value in _ends(problem))
     shapes = np.moveaxis(hats(y, low, high, KNOTS), 1, 0)  # (KNOTS, T, ...)
     step = _STEP * problem.peak
@@ -97,7 +97,7 @@ def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> Floa
     return np.asarray(np.moveaxis(width, -1, 0), dtype=np.float64)
 
 
-def _bend(values: Values, problem: Problem) -> float:
+def _bend(values: FloatArray, problem: Problem) -> float:
     """Deviation of the most curved channel from a straight line, in units of materiality."""
     error = np.asarray(values)
     place = np.linspace(-1, 1, len(error))
@@ -106,12 +106,15 @@ def _bend(values: Values, problem: Problem) -> float:
     return float(np.sqrt(np.mean(rest**2, axis=0))[problem.alive].max() / (MATERIAL_BEND * problem.peak))
 
 
-CHANNEL_CURVE = Cause(
-    "channel_curve",
-    74,
-    _curve,
-    "staircase",
-    local=Local("error", "N", _solve, _error),
+CHANNEL_CURVE = PerChannelCause(
+    name="channel_curve",
+    order=74,
+    make=_curve,
+    excites="staircase",
+    array="error",
+    unit="N",
+    solve=_solve,
+    error=_error,
     price=3.0,
     size=_bend,
     barred=_own_loads,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Free, Gauge
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Gauge
 from paxisim.diagnose.data.problem import Problem
 
 HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
@@ -44,13 +44,13 @@ def _starts(problem: Problem) -> list[tuple[float, ...]]:
 
 
 # The two modes share one amplitude: modes of opposite signs would cancel and fit effects other than creep.
-CREEP = Cause(
-    "creep",
-    20,
-    lambda v, p: augment.Creep((v[0] * (1 - v[2]), v[0] * v[2]), (v[1], v[3])),
-    "holds",
-    _free,
-    _starts,
+CREEP = FittedCause(
+    name="creep",
+    order=20,
+    make=lambda v, p: augment.Creep((v[0] * (1 - v[2]), v[0] * v[2]), (v[1], v[3])),
+    excites="holds",
+    free=_free,
+    starts=_starts,
     gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD_MEANING),
     remembers=True,
     misfit=0.01,

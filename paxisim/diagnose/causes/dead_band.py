@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import Cause, Free, Gauge, Values
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Gauge, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 
@@ -22,17 +22,17 @@ def _gain(values: Values, problem: Problem) -> FloatArray:
 
 AT_PEAK_MEANING = "0 if the sensor reads changes of force correctly, 1 if it reads the peak force correctly"
 
-DEAD_BAND = Cause(
-    "dead_band",
-    80,
-    lambda v, p: augment.DeadBand(v[0], v[1], v[2]),
-    "light",
-    lambda p: (
+DEAD_BAND = FittedCause(
+    name="dead_band",
+    order=80,
+    make=lambda v, p: augment.DeadBand(v[0], v[1], v[2]),
+    excites="light",
+    free=lambda p: (
         Free("width", "N", 0.0, 0.0, 1.0, 0.05, _least(p)),
         Free("shrink", "1", 0.0, 0.0, 1.0, 0.3, words="share of the width that larger forces lose"),
         Free("edge", "1", 0.2, 0.0, 1.0, 0.1, spread=0.1, words="share of the width over which the reading sets in"),
     ),
-    lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
+    starts=lambda p: [(width, shrink, 0.2) for width in (0.06, 0.12, 0.2, 0.3) for shrink in (0.0, 1.0)],
     gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK_MEANING, by_axis=True),
     misfit=0.01,
     barred=bent_apart,

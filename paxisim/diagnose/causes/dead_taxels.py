@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim import augment
 from paxisim.diagnose.causes.failures import failures_of
-from paxisim.diagnose.causes.kinds import Cause, Reading
-from paxisim.diagnose.causes.read_only import not_made
+from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.data.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
 
@@ -108,11 +107,10 @@ def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDA
     return (both > 0.3 * energy) & (both > 8 * noise[:, 2] * np.sqrt(energy))
 
 
-DEAD_TAXELS = Cause(
-    "dead_taxels",
-    95,
-    not_made("dead_taxels"),
-    "places",
+DEAD_TAXELS = DetectedCause(
+    name="dead_taxels",
+    order=95,
+    excites="places",
     read=_read,
     words="Some taxels do not respond to force, or stop responding.",
     picture="silent_map",

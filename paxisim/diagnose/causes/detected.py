@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from paxisim.diagnose.causes.kinds import Cause, Reading
+from paxisim.diagnose.causes.kinds import Cause, DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.data.silent import silent_channels
 from paxisim.errors import InvalidValueError
@@ -51,7 +51,7 @@ def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:
     """
     problem, readings = raw, {}
     for item in causes:
-        found = item.read(problem) if item.read is not None else None
+        found = item.read(problem) if isinstance(item, DetectedCause) else None
         if found is not None:
             readings[item.name], problem = found, found.problem
     silent = silent_channels(problem)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Course, Values
+from paxisim.diagnose.causes.kinds import BaselineCause, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MIN_EPISODES = 4
@@ -34,12 +34,15 @@ def _needs_time(problem: Problem) -> str:
     )
 
 
-DRIFT = Cause(
-    "drift",
-    77,
-    lambda v, p: augment.Drift(amplitude=np.asarray(v[0]), tau=float(v[1]), start=float(v[2])),
-    "sessions",
-    course=Course("amplitude", _curve, NUMBERS, SHAPES),
+DRIFT = BaselineCause(
+    name="drift",
+    order=77,
+    make=lambda amounts, shape, p: augment.Drift(amplitude=amounts, tau=shape[0], start=shape[1]),
+    excites="sessions",
+    amounts="amplitude",
+    curves=_curve,
+    numbers=NUMBERS,
+    shapes=SHAPES,
     misfit=0.02,
     price=7.0,
     barred=_needs_time,

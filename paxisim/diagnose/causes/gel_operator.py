@@ -9,7 +9,7 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.gel_operator import KINDS
 from paxisim.diagnose.causes.channel_curve import no_neighbours
-from paxisim.diagnose.causes.kinds import Cause, CausePart, Free, Values
+from paxisim.diagnose.causes.kinds import CausePart, FittedCause, Free, Values
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.problem import Problem
 
@@ -57,12 +57,12 @@ def _start(**shares: float) -> tuple[float, ...]:
     return tuple(shares.get(name, 0.0) for name in (*OWN, *SHARES, *SKEWS))
 
 
-GEL_OPERATOR = Cause(
-    "gel_operator",
-    40,
-    _operator,
-    "probe",
-    lambda p: (
+GEL_OPERATOR = FittedCause(
+    name="gel_operator",
+    order=40,
+    make=_operator,
+    excites="probe",
+    free=lambda p: (
         Free("own_shear", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for shear"),
         Free("own_normal", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for normal force"),
         # the gauge: calibrated on single taxels (0: nothing is lost), or with flat presses (1: they are read correctly)
@@ -70,7 +70,7 @@ GEL_OPERATOR = Cause(
         *(Free(n, "1", 0.0, -2.0, 2.0, 0.05, 0.003, _held(0.2 if n.endswith("far") else 0.5)) for n in SHARES),
         *(Free(n, "1", 0.0, -1.0, 1.0, 0.05, 0.003, _held(0.2)) for n in SKEWS),
     ),
-    lambda p: [
+    starts=lambda p: [
         _start(poisson_next=0.05, poisson_diagonal=0.03),
         _start(poisson_far=0.02),
         _start(shear_next=0.02, normal_next=0.02),

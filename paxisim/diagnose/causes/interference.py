@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Course, Values
+from paxisim.diagnose.causes.kinds import BaselineCause, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 
@@ -16,10 +16,10 @@ def _curves(problem: Problem, shape: Values) -> FloatArray:
     return np.concatenate([along, along**2 - 1])
 
 
-def _make(values: Values, problem: Problem) -> augment.CovariateField:
+def _make(amounts: FloatArray, shape: Values, problem: Problem) -> augment.CovariateField:
     assert problem.directions is not None
     names, middle, axes = problem.directions.names, problem.directions.middle, problem.directions.axes
-    return augment.CovariateField(np.asarray(values), names, tuple(middle.tolist()), tuple(map(tuple, axes.tolist())))
+    return augment.CovariateField(amounts, names, tuple(middle.tolist()), tuple(map(tuple, axes.tolist())))
 
 
 def _barred(problem: Problem) -> str:
@@ -28,12 +28,13 @@ def _barred(problem: Problem) -> str:
     return "no covariate that varies without contact was recorded, such as gripper_opening or a joint angle"
 
 
-INTERFERENCE = Cause(
-    "interference",
-    77.5,  # next to offset and drift, as it is fitted together with the zero
-    _make,
-    "gripper",
-    course=Course("amounts", _curves),
+INTERFERENCE = BaselineCause(
+    name="interference",
+    order=77.5,  # next to offset and drift, as it is fitted together with the zero
+    make=_make,
+    excites="gripper",
+    amounts="amounts",
+    curves=_curves,
     planes=True,  # the gauge: the field need not be zero at the start of the recording
     misfit=0.02,
     barred=_barred,

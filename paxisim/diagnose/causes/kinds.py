@@ -1,4 +1,14 @@
-"""Cause: a transform with the information needed to search for it. Each cause is one file in `causes/`."""
+"""Kinds: what a cause is. There are four kinds, by how their parameters are found.
+
+`FittedCause`
+    A transform of the simulated force, or a change of the simulated scene, with a few parameters.
+`PerChannelCause`
+    A transform with a parameter for each taxel or channel, found in closed form.
+`BaselineCause`
+    A zero offset that follows curves over time, whatever the force.
+`DetectedCause`
+    A fault that a check finds in the streams before anything is fitted.
+"""
 
 from __future__ import annotations
 
@@ -91,146 +101,103 @@ class CausePart:
     words: str
 
 
-Absorbed = Callable[[Problem, FloatArray, FloatArray, FloatArray], Callable[[FloatArray], FloatArray]]
+def _always(problem: Problem) -> str:
+    return ""
 
 
-@dataclass(frozen=True, eq=False)
-class Local:
-    """Parameters of each taxel or channel, fitted in closed form.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cause:
+    """A property of a sensor or a scene that the simulation lacks; see the four kinds.
 
     Attributes:
-        name: Name of the array in reports and in the transform.
-        unit: Unit, ``"1"`` if dimensionless.
-        solve: Function that returns the best-fitting array, given the problem, the input force, a function that maps
-            the output force to the reading, and a starting array or None.
-        error: Function that returns the half-widths of the array's 90 % intervals, given a problem of at least three
-            episodes, the prediction of the whole model (N) and the array.
-        absorbed: Function that returns how much of a small change of the residual the array absorbs when it is solved
-            for again, as a function of that change. It is given the problem, the effect of adding 1 to the whole
-            array, the residual (both in units of the noise) and the array. None if only solving tells.
+        name: Name in a diagnosis.
+        order: Position in the chain; smaller is nearer to the contact.
+        words: Explanation in one short sentence for a reader who does not know the name.
+        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.explain.advice.MOTIONS`.
+        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+        covariate: Name of the covariate that the cause requires.
+        barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
+        misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;
+            other causes must gain more than this.
+        price: Factor on the required gain. It exceeds 1 for causes with many parameters, which absorb tolerated errors.
+        nuisance: Whether the cause is fitted beside all others from the start and named only if it passes the test at
+            the end.
+        tacit: Whether a nuisance is never named and always stays in the model.
+        of_replay: Caveat if the simulation follows the streams of a robot.
     """
 
     name: str
-    unit: str
-    solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], FloatArray | None], FloatArray]
-    error: Callable[[Problem, FloatArray, FloatArray], FloatArray]
-    absorbed: Absorbed | None = None
+    order: float
+    words: str = ""
+    excites: str = "varied"
+    picture: str = "plain"
+    covariate: str = ""
+    barred: Callable[[Problem], str] = _always
+    misfit: float = 0.01
+    price: float = 1.0
+    nuisance: bool = False
+    tacit: bool = False
+    of_replay: str = ""
 
+    @property
+    def in_scene(self) -> bool:
+        """Whether the cause is inside the scene and not in the sensor."""
+        return False
 
-@dataclass(frozen=True, eq=False)
-class Course:
-    """A force-independent offset: time curves shared by all channels, with one amplitude per curve and channel.
+    def parameters(self, problem: Problem) -> tuple[Free, ...]:
+        """The scalar parameters that are fitted."""
+        return ()
 
-    Attributes:
-        name: Name of the amplitudes in reports and in the transform.
-        curves: Function that returns the ``(curves, T)`` curves, given the recording and the shape parameters.
-        numbers: Meaning of each shape parameter, by its name in reports and in the transform.
-        shapes: Values of the shape parameters to try, the simplest first.
-    """
+    def effects(self, problem: Problem, x: FloatArray) -> list[FloatArray]:
+        """Effects on `x` ``(T, pads, 3, rows, cols)`` N while the cause is small, which together span it; in N."""
+        return []
 
-    name: str
-    curves: Callable[[Problem, Values], FloatArray]
-    numbers: Mapping[str, str] = field(default_factory=dict)
-    shapes: tuple[tuple[float, ...], ...] = ((),)
+    def amount(self, values: FloatArray, problem: Problem) -> float:
+        """Size of the values, in units of the smallest size of interest."""
+        return np.inf
 
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """A fault that a deterministic check detected in the recording.
-
-    Attributes:
-        transform: The fault as a transform.
-        values: Its parameters by name.
-        problem: The recording to use in all later steps.
-        rounds: Whether the fault is the rounding that `Problem.read` already models.
-    """
-
-    transform: Transform
-    values: Mapping[str, float | FloatArray]
-    problem: Problem
-    rounds: bool = False
-
-
-def _nothing(problem: Problem) -> tuple[Free, ...]:
-    return ()
+    def has_memory(self, problem: Problem) -> bool:
+        """Whether the effect on a frame depends on earlier frames."""
+        return False
 
 
 def _no_starts(problem: Problem) -> Sequence[Values]:
     return ()
 
 
-def _always(problem: Problem) -> str:
-    return ""
-
-
-@dataclass(frozen=True, eq=False)
-class Cause:
-    """A property of a sensor or a scene that the simulation lacks.
-
-    A cause is either fitted (`free` and `starts`, or `local`, or `course`) or detected by a deterministic check
-    (`read`). A fitted cause is a transform of the simulated force, or a change of the simulated scene (`change`).
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedCause(Cause):
+    """A transform of the simulated force with a few parameters, or a change of the simulated scene.
 
     Attributes:
-        name: Name in a diagnosis.
-        order: Position in the chain; smaller is nearer to the contact.
-        make: Function that returns the transform with the given values: the parameters in the order of `free`, or the
-            array of `local`. The model has intervals for the fields of a user-defined transform only if
-            `paxisim.augment.parameter` declares them.
-        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.explain.advice.MOTIONS`.
+        make: Function that returns the transform with the given values: the parameters in the order of `free`. The
+            model has intervals for the fields of a user-defined transform only if `paxisim.augment.parameter` declares
+            them.
         free: Function that returns the parameters to fit, given the problem.
         starts: Function that returns starting values of the fit, one set for each form that the effect may take.
             Together they should span the effect while it is small, because candidates are ranked by them.
-        parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
-        gauge: Gain that the calibration convention adds, if any.
         change: For a cause inside the scene: function that returns the change of the simulated force (N). It replaces
             the transform.
-        local: For a cause with one parameter per taxel or channel, fitted in closed form.
-        course: For a cause that adds an offset independent of the force.
-        read: For a cause that a deterministic check detects before the search.
-        nuisance: Whether the cause is fitted beside all others from the start and named only if it passes the test at
-            the end.
-        tacit: Whether a nuisance is never named and always stays in the model.
-        remembers: Whether only motions at several speeds separate the cause from other memory effects.
-        unpressed_rival: Name of a cause with the same effect on taxels that are never pressed.
-        of_replay: Caveat if the simulation follows the streams of a robot.
-        planes: Whether the cause owns a constant offset: a plane over each pad's axis plus a multiple of its
-            amplitudes. `offset` is then named only for the rest of the zero offset.
-        covariate: Name of the covariate that the cause requires.
-        misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;
-            other causes must gain more than this.
-        price: Factor on the required gain. It exceeds 1 for causes with many parameters, which absorb tolerated errors.
+        parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
+        gauge: Gain that the calibration convention adds, if any.
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
-        barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
-        words: Explanation in one short sentence for a reader who does not know the name.
-        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+        remembers: Whether only motions at several speeds separate the cause from other memory effects.
     """
 
-    name: str
-    order: float
     make: Callable[[Values, Problem], Transform]
-    excites: str = "varied"
-    free: Callable[[Problem], tuple[Free, ...]] = _nothing
+    free: Callable[[Problem], tuple[Free, ...]]
     starts: Callable[[Problem], Sequence[Values]] = _no_starts
+    change: Callable[[Values, Problem], FloatArray] | None = None
     parts: tuple[CausePart, ...] = ()
     gauge: Gauge | None = None
-    change: Callable[[Values, Problem], FloatArray] | None = None
-    local: Local | None = None
-    course: Course | None = None
-    read: Callable[[Problem], Reading | None] | None = None
-    nuisance: bool = False
-    tacit: bool = False
-    remembers: bool = False
-    unpressed_rival: str = ""
-    of_replay: str = ""
-    planes: bool = False
-    covariate: str = ""
-    misfit: float = 0.01
-    price: float = 1.0
     size: Callable[[Values, Problem], float] | None = None
-    barred: Callable[[Problem], str] = _always
-    words: str = ""
-    picture: str = "plain"
+    remembers: bool = False
+
+    @property
+    def in_scene(self) -> bool:
+        """See `Cause.in_scene`."""
+        return self.change is not None
 
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
         """The fitted parameters, those of the gauge last."""
@@ -238,8 +205,6 @@ class Cause:
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, including those of the gauge."""
-        if self.local or self.course:
-            return self.make(values, problem)  # type: ignore[arg-type]
         numbers = [float(v) for v in values]
         if self.gauge is None:
             return self.make(numbers, problem)
@@ -267,8 +232,14 @@ class Cause:
             return x + self.change(values, frames)  # type: ignore[arg-type]
         return frames.run(self.transform(values, problem), x)  # type: ignore[arg-type]
 
+    def effects(self, problem: Problem, x: FloatArray) -> list[FloatArray]:
+        """See `Cause.effects`: the effect at each of its starts."""
+        if self.change is not None:
+            return [self.change(start, problem) for start in self.starts(problem)]
+        return [problem.run(self.make(start, problem), x) - x for start in self.starts(problem)]
+
     def has_memory(self, problem: Problem) -> bool:
-        """Whether the effect on a frame depends on earlier frames."""
+        """See `Cause.has_memory`."""
         return self.change is None and self.transform(self.places(problem)[0], problem).has_memory
 
     def places(self, problem: Problem) -> list[FloatArray]:
@@ -278,7 +249,7 @@ class Cause:
             return starts
         return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
 
-    def lacking(self, part: CausePart) -> Cause:
+    def lacking(self, part: CausePart) -> FittedCause:
         """The cause without one of its parts, whose parameters stay neutral."""
         whole = self
 
@@ -317,16 +288,106 @@ class Cause:
         return self.amount(np.array(alone), problem)
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
-        """Size of the values, in units of the smallest size of interest."""
+        """See `Cause.amount`."""
         if self.size is not None:
             return self.size(values, problem)  # type: ignore[arg-type]
         pairs = zip(values, self.free(problem), strict=False)
         return max((abs(float(v) - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
 
 
-def courses_of(causes: Sequence[Cause]) -> list[Cause]:
-    """The causes with a course, in chain order."""
-    return sorted((c for c in causes if c.course is not None), key=lambda c: c.order)
+Absorbed = Callable[[Problem, FloatArray, FloatArray, FloatArray], Callable[[FloatArray], FloatArray]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PerChannelCause(Cause):
+    """A transform with a parameter for each taxel or channel, fitted in closed form.
+
+    Attributes:
+        make: Function that returns the transform with the given array.
+        array: Name of the array in reports and in the transform.
+        unit: Unit of its values, ``"1"`` if dimensionless.
+        solve: Function that returns the best-fitting array, given the problem, the input force, a function that maps
+            the output force to the reading, and a starting array or None.
+        error: Function that returns the half-widths of the array's 90 % intervals, given a problem of at least three
+            episodes, the prediction of the whole model (N) and the array.
+        size: Function that returns the size of the array in units of the smallest size of interest.
+        absorbed: Function that returns how much of a small change of the residual the array absorbs when it is solved
+            for again, as a function of that change. It is given the problem, the effect of adding 1 to the whole
+            array, the residual (both in units of the noise) and the array. None if only solving tells.
+    """
+
+    make: Callable[[FloatArray, Problem], Transform]
+    array: str
+    unit: str
+    solve: Callable[[Problem, FloatArray, Callable[[FloatArray], FloatArray], FloatArray | None], FloatArray]
+    error: Callable[[Problem, FloatArray, FloatArray], FloatArray]
+    size: Callable[[FloatArray, Problem], float]
+    absorbed: Absorbed | None = None
+
+    def amount(self, values: FloatArray, problem: Problem) -> float:
+        """See `Cause.amount`."""
+        return self.size(values, problem)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BaselineCause(Cause):
+    """A force-independent offset: time curves shared by all channels, with one amplitude per curve and channel.
+
+    Attributes:
+        make: Function that returns the transform, given the amplitudes and the shape parameters.
+        amounts: Name of the amplitudes in reports and in the transform.
+        curves: Function that returns the ``(curves, T)`` curves, given the recording and the shape parameters.
+        numbers: Meaning of each shape parameter, by its name in reports and in the transform.
+        shapes: Values of the shape parameters to try, the simplest first.
+        planes: Whether the cause owns a constant offset: a plane over each pad's axis plus a multiple of its
+            amplitudes. `offset` is then named only for the rest of the zero offset.
+        unpressed_rival: Name of a cause with the same effect on taxels that are never pressed.
+    """
+
+    make: Callable[[FloatArray, tuple[float, ...], Problem], Transform]
+    amounts: str
+    curves: Callable[[Problem, Values], FloatArray]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    shapes: tuple[tuple[float, ...], ...] = ((),)
+    planes: bool = False
+    unpressed_rival: str = ""
+
+    def effects(self, problem: Problem, x: FloatArray) -> list[FloatArray]:
+        """See `Cause.effects`: each curve of the simplest shape at an amplitude of 1 N."""
+        return list(self.curves(problem, self.shapes[0])[..., None, None, None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A fault that a check detected in the recording.
+
+    Attributes:
+        transform: The fault as a transform.
+        values: Its parameters by name.
+        problem: The recording to use in all later steps.
+        rounds: Whether the fault is the rounding that `Problem.read` already models.
+    """
+
+    transform: Transform
+    values: Mapping[str, float | FloatArray]
+    problem: Problem
+    rounds: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DetectedCause(Cause):
+    """A fault that a check finds in the streams before the search.
+
+    Attributes:
+        read: Function that returns the fault, or None if there is none.
+    """
+
+    read: Callable[[Problem], Reading | None]
+
+
+def baseline_causes(causes: Sequence[Cause]) -> list[BaselineCause]:
+    """The causes with a zero offset, in chain order."""
+    return sorted((c for c in causes if isinstance(c, BaselineCause)), key=lambda c: c.order)
 
 
 def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
@@ -334,13 +395,3 @@ def one_away(count: int, index: int, neutral: float, step: float) -> list[float]
     values = [neutral] * count
     values[index] += step
     return values
-
-
-def effects(problem: Problem, item: Cause, x: FloatArray) -> list[FloatArray]:
-    """Effect of a cause on `x` at each of its starts (N), or for each curve of its course at an amplitude of 1 N."""
-    if item.course is not None:
-        curves = item.course.curves(problem, item.course.shapes[0])
-        return list(curves[..., None, None, None, None])
-    if item.change is not None:
-        return [item.change(start, problem) for start in item.starts(problem)]
-    return [problem.run(item.make(start, problem), x) - x for start in item.starts(problem)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Free
+from paxisim.diagnose.causes.kinds import FittedCause, Free
 from paxisim.diagnose.causes.low_pass import capacity
 from paxisim.diagnose.data.problem import Problem
 
@@ -13,13 +13,13 @@ def _barred(problem: Problem) -> str:
     return "the clocks of the two streams were aligned, which removes any constant delay" if problem.aligned else ""
 
 
-LATENCY = Cause(
-    "latency",
-    71,
-    lambda v, p: augment.Latency(v[0], capacity=capacity(p, v[0])),
-    "taps",
-    lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
-    lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
+LATENCY = FittedCause(
+    name="latency",
+    order=71,
+    make=lambda v, p: augment.Latency(v[0], capacity=capacity(p, v[0])),
+    excites="taps",
+    free=lambda p: (Free("delay", "s", 0.0, -0.5, 0.5, 0.02, 0.003),),
+    starts=lambda p: [(-0.1,), (0.01,), (0.03,), (0.1,)],
     misfit=0.003,
     of_replay=(
         "an offset between the clocks of robot and sensor has the same effect, and this recording cannot tell the two "

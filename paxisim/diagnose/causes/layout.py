@@ -9,8 +9,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import Cause, Reading
-from paxisim.diagnose.causes.read_only import not_made
+from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 
 MIN_MOVED_SHARE = 0.7  # share of the moved taxels that must correlate at least as well at their new place
@@ -114,11 +113,10 @@ def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> b
     return bool(np.linalg.lstsq(both @ both.T, both @ measured.ravel(), rcond=None)[0][0] < 0)
 
 
-LAYOUT = Cause(
-    "layout",
-    0,
-    not_made("layout"),
-    "corners",
+LAYOUT = DetectedCause(
+    name="layout",
+    order=0,
+    excites="corners",
     read=_read,
     barred=mixes_alike,
     words="Taxels, axes or pads are swapped or reversed.",

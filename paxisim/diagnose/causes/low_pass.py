@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import Cause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 
@@ -22,12 +22,12 @@ def capacity(problem: Problem, delay: float) -> int:
     return int(max(16, 4 * abs(delay) / problem.interval + 4))
 
 
-LOW_PASS = Cause(
-    "low_pass",
-    70,
-    _make,
-    "taps",
-    lambda p: (
+LOW_PASS = FittedCause(
+    name="low_pass",
+    order=70,
+    make=_make,
+    excites="taps",
+    free=lambda p: (
         Free("tau_1", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         Free("tau_2", "s", 0.0, 0.0, 2.0, 0.02, 0.003),
         # the gauge: filters with many poles or with linear phase delay more than two poles do
@@ -35,7 +35,7 @@ LOW_PASS = Cause(
             "delay", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words="delay beyond the filter, as a share of tau_1 + tau_2"
         ),
     ),
-    lambda p: [(0.01, 0.005, 0.0), (0.03, 0.02, 0.0), (0.1, 0.05, 0.0), (0.03, 0.03, 0.8)],
+    starts=lambda p: [(0.01, 0.005, 0.0), (0.03, 0.02, 0.0), (0.1, 0.05, 0.0), (0.03, 0.03, 0.8)],
     misfit=0.003,
     words="The sensor smooths fast changes of force.",
     picture="edges",

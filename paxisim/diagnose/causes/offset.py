@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Course
+from paxisim.diagnose.causes.kinds import BaselineCause
 from paxisim.diagnose.data.problem import Problem
 
 
@@ -13,12 +13,13 @@ def _zero_is_fitted(problem: Problem) -> str:
     return "the calibrated readout of each channel includes its zero" if problem.one_load else ""
 
 
-OFFSET = Cause(
-    "offset",
-    76,
-    lambda v, p: augment.Offset(np.asarray(v)),
-    "free",
-    course=Course("value", lambda problem, shape: np.ones((1, len(problem.time)))),
+OFFSET = BaselineCause(
+    name="offset",
+    order=76,
+    make=lambda amounts, shape, p: augment.Offset(amounts),
+    excites="free",
+    amounts="value",
+    curves=lambda problem, shape: np.ones((1, len(problem.time))),
     nuisance=True,
     unpressed_rival="dead_taxels",
     misfit=0.0,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Cause, Reading
-from paxisim.diagnose.causes.read_only import not_made
+from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import Problem
 
 DEVICE_STEP = 0.1  # N per count of a PaXini sensor
@@ -17,11 +16,10 @@ def _read(problem: Problem) -> Reading | None:
     return Reading(augment.Quantisation((problem.noise.step,) * 3), {"step": problem.noise.step}, problem, rounds=True)
 
 
-QUANTISATION = Cause(
-    "quantisation",
-    90,
-    not_made("quantisation"),
-    "light",
+QUANTISATION = DetectedCause(
+    name="quantisation",
+    order=90,
+    excites="light",
     read=_read,
     words="Readings are rounded to coarse steps.",
     picture="steps",

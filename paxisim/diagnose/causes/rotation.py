@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import AXES, Cause, Free, one_away
+from paxisim.diagnose.causes.kinds import AXES, FittedCause, Free, one_away
 from paxisim.diagnose.data.problem import Problem
 
 TILT_PRIOR = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
@@ -16,13 +16,13 @@ def _free(problem: Problem) -> tuple[Free, ...]:
     return (*tilts, Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012))
 
 
-ROTATION = Cause(
-    "rotation",
-    51,
-    lambda v, p: augment.Rotation((tuple(v),)),
-    "slides",
-    _free,
-    lambda p: [one_away(3, k, 0.0, 0.05) for k in range(3)],
+ROTATION = FittedCause(
+    name="rotation",
+    order=51,
+    make=lambda v, p: augment.Rotation((tuple(v),)),
+    excites="slides",
+    free=_free,
+    starts=lambda p: [one_away(3, k, 0.0, 0.05) for k in range(3)],
     misfit=0.002,
     barred=mixes_alike,
     words="The sensor's axes are rotated relative to those of the simulation.",

@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import Cause, Free, Gauge, Values
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Gauge, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MATERIAL_LIMIT = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening
@@ -37,18 +37,18 @@ def _starts(problem: Problem) -> list[Values]:
 
 AT_PEAK_MEANING = "0 if the sensor reads small forces correctly, 1 if it reads the peak force correctly"
 
-SATURATION = Cause(
-    "saturation",
-    81,
-    _make,
-    "staircase",
-    lambda p: (
+SATURATION = FittedCause(
+    name="saturation",
+    order=81,
+    make=_make,
+    excites="staircase",
+    free=lambda p: (
         Free("limit", "N", 2.0 * p.peak, 0.15 * p.peak, 3 * p.peak, 0.1 * p.peak, 0.2 * p.peak),
         Free("softness", "1", 0.3, 0.0, 1.0, 0.2, words="share of the limit over which it sets in"),
         # two forms: one range in newtons, or one range in sensor units, which differs in newtons between axes
         Free("shear", "1", 1.0, 0.05, 2.0, 0.2, spread=0.5, words="limit of shear relative to that of normal force"),
     ),
-    _starts,
+    starts=_starts,
     gauge=Gauge("calibrated_at_peak", _gain, AT_PEAK_MEANING, by_axis=True),
     misfit=0.005,
     size=lambda v, p: MATERIAL_LIMIT * float(np.max(p.peaks / _limits(v))),

@@ -13,7 +13,7 @@ from math import radians
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.causes.kinds import Cause, Free, Values, one_away
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Values, one_away
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.data.responses import SHOWN, SPREAD
@@ -52,7 +52,7 @@ def _numbers(problem: Problem, group: Group) -> tuple[Free, ...]:
 
 def _scene_cause(
     group: Group, excites: str, words: str, picture: str, price: float = 1.0, prior: Mapping[str, float] | None = None
-) -> Cause:
+) -> FittedCause:
     def free(problem: Problem) -> tuple[Free, ...]:
         numbers = _numbers(problem, group)
         if prior is None:
@@ -83,13 +83,13 @@ def _scene_cause(
             return ""
         return _UNSEEN if group in problem.scene.failed else _MISSING.get(group, _UNSEEN)
 
-    return Cause(
-        group,
-        SCENE_ORDER,
-        lambda values, problem: Chain(),
-        excites,
-        free,
-        starts,
+    return FittedCause(
+        name=group,
+        order=SCENE_ORDER,
+        make=lambda values, problem: Chain(),
+        excites=excites,
+        free=free,
+        starts=starts,
         change=change,
         barred=barred,
         misfit=MISFIT,
@@ -99,7 +99,7 @@ def _scene_cause(
     )
 
 
-SCENE_CAUSES: tuple[Cause, ...] = (
+SCENE_CAUSES: tuple[FittedCause, ...] = (
     _scene_cause("friction", "loads", "The gel's surface is rougher or smoother than in the scene.", "slip"),
     _scene_cause("gel_stiffness", "staircase", "The gel is stiffer or softer than in the scene.", "closing"),
     _scene_cause("grip_force", "loads", "The actuators exert more or less force than in the scene.", "closing"),
@@ -131,10 +131,10 @@ def _no_pose(problem: Problem) -> str:
     return "" if problem.scene is not None and problem.scene.of("object_pose") else "the scene has no placed object"
 
 
-MEAN_POSE = Cause(
-    "mean_pose",
-    SCENE_ORDER,
-    lambda values, problem: Chain(),
+MEAN_POSE = FittedCause(
+    name="mean_pose",
+    order=SCENE_ORDER,
+    make=lambda values, problem: Chain(),
     free=_by_chance,
     change=lambda values, problem: problem.scene.mean_pose(values),  # type: ignore[union-attr]
     nuisance=True,

@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import Cause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 MATERIAL_CHANGE = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
@@ -55,13 +55,13 @@ def _size(values: Values, problem: Problem) -> float:
     return float(abs(gains[1] - gains[0])) / MATERIAL_CHANGE
 
 
-STIFFENING = Cause(
-    "stiffening",
-    10,
-    _make,
-    "staircase",
-    _free,
-    lambda p: [
+STIFFENING = FittedCause(
+    name="stiffening",
+    order=10,
+    make=_make,
+    excites="staircase",
+    free=_free,
+    starts=lambda p: [
         (0.9, share * p.peak, knee, shared) for share, knee in ((0.3, 0.05), (0.5, 1.0)) for shared in (1.0, 0.0)
     ],
     misfit=0.01,

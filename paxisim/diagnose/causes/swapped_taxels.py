@@ -12,8 +12,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import Cause, Reading
-from paxisim.diagnose.causes.read_only import not_made
+from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 
 MIN_PAIR_LOAD = 0.1  # least energy of either taxel, relative to the most loaded one; weak loads depend on placing
@@ -91,11 +90,10 @@ def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray
     return left, np.sum(force[:, 0], axis=0)
 
 
-SWAPPED_TAXELS = Cause(
-    "swapped_taxels",
-    1,
-    not_made("swapped_taxels"),
-    "probe",
+SWAPPED_TAXELS = DetectedCause(
+    name="swapped_taxels",
+    order=1,
+    excites="probe",
     read=_read,
     barred=mixes_alike,
     words="Pairs of taxels are swapped.",

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import Cause, Local, Values
+from paxisim.diagnose.causes.kinds import PerChannelCause
 from paxisim.diagnose.data.noise import Tolerance, differences
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
@@ -26,7 +26,7 @@ MATERIAL_SPREAD = 0.026  # materiality of the standard deviation of the gains
 def taxel_gains(
     problem: Problem, x: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
 ) -> FloatArray:
-    """``(pads, rows, cols)`` best-fitting gains, see `drawn`; the arguments are those of `Local.solve`.
+    """``(pads, rows, cols)`` best-fitting gains, see `drawn`; the arguments are those of `PerChannelCause.solve`.
 
     Everything after the gains acts on each taxel separately, so a single perturbation of all gains yields all slopes.
     """
@@ -48,7 +48,7 @@ def taxel_gains(
 def _absorbed(
     problem: Problem, load: FloatArray, residual: FloatArray, gains: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
-    """See `Local.absorbed`; the shrinkage of the gains stays as it is."""
+    """See `PerChannelCause.absorbed`; the shrinkage of the gains stays as it is."""
     weights = by_episode(problem, load**2)
     weight = weights.sum(axis=0)
     ridge = drawn(by_episode(problem, load * residual) + (gains - 1) * weights, weights)[1]
@@ -129,19 +129,23 @@ def _error(problem: Problem, prediction: FloatArray, gains: FloatArray) -> Float
     return error * student.ppf(0.95, count - 1)
 
 
-def _size(gains: Values, problem: Problem) -> float:
+def _size(gains: FloatArray, problem: Problem) -> float:
     """Load-weighted standard deviation of the gains, in units of materiality."""
     load = np.sum((problem.simulated * problem.weight) ** 2, axis=(0, 2))
     mean = np.average(gains, weights=load)
     return float(np.sqrt(np.average((np.asarray(gains) - mean) ** 2, weights=load)) / MATERIAL_SPREAD)
 
 
-TAXEL_GAIN = Cause(
-    "taxel_gain",
-    75,  # it commutes with the filters, and behind them it does not slow down their fit
-    lambda v, p: augment.TaxelGain(np.asarray(v)),
-    "places",
-    local=Local("gain", "1", taxel_gains, _error, _absorbed),
+TAXEL_GAIN = PerChannelCause(
+    name="taxel_gain",
+    order=75,  # it commutes with the filters, and behind them it does not slow down their fit
+    make=lambda v, p: augment.TaxelGain(np.asarray(v)),
+    excites="places",
+    array="gain",
+    unit="1",
+    solve=taxel_gains,
+    error=_error,
+    absorbed=_absorbed,
     misfit=0.01,
     price=3.0,
     size=_size,

@@ -12,7 +12,7 @@ from paxisim.diagnose.causes.drift import DRIFT
 from paxisim.diagnose.causes.gel_operator import GEL_OPERATOR
 from paxisim.diagnose.causes.hysteresis import HYSTERESIS
 from paxisim.diagnose.causes.interference import INTERFERENCE
-from paxisim.diagnose.causes.kinds import Cause
+from paxisim.diagnose.causes.kinds import Cause, FittedCause
 from paxisim.diagnose.causes.latency import LATENCY
 from paxisim.diagnose.causes.layout import LAYOUT
 from paxisim.diagnose.causes.low_pass import LOW_PASS
@@ -79,7 +79,8 @@ def cause(name: str) -> Cause:
     for item in _all():
         if item.name == name:
             return item
-    whole = next((item.name for item in _all() for part in item.parts if part.name.lower().startswith(name)), "")
+    fitted = (item for item in _all() if isinstance(item, FittedCause))
+    whole = next((item.name for item in fitted for part in item.parts if part.name.lower().startswith(name)), "")
     advice = f"it is a part of {whole}" if whole else "if it is your own, import its module first"
     raise UnknownNameError("cause", name, known_causes(), advice)
 

@@ -61,7 +61,7 @@ def at_bounds(found: Explanation) -> dict[str, str]:
     """Return warnings about parameters that the fit pushes against a bound, by cause."""
     lines = {}
     for named in found.fitted:
-        for free in named.cause.free(found.problem):
+        for free in named.cause.parameters(found.problem):
             value = named.values.get(free.name)
             at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
             if at and free.material is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from paxisim.diagnose.causes.kinds import BaselineCause
 from paxisim.diagnose.data.problem import FloatArray, Problem, showing
 from paxisim.diagnose.explain.explanation import Named
 from paxisim.diagnose.explain.followed import followed
@@ -29,7 +30,7 @@ def evidence(problem: Problem, named: Named, gain: FloatArray, share: Interval) 
 
 def _covariate(problem: Problem, named: Named) -> str:
     """Return a sentence on the covariate that the cause follows without contact; empty if it uses no covariate."""
-    if not named.transform.covariate_names or named.cause.course is None:
+    if not named.transform.covariate_names or not isinstance(named.cause, BaselineCause):
         return ""
     rows, rest = problem.thinned, problem.thinned.at_rest
     rest = rest if rest.any() else np.ones_like(rest)

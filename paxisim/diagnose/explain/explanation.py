@@ -10,7 +10,7 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.detected import ReadOff, read_off
-from paxisim.diagnose.causes.kinds import Cause, CausePart
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, PerChannelCause, baseline_causes
 from paxisim.diagnose.causes.vocabulary import CAUSES
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem
@@ -41,6 +41,11 @@ class Named:
     def name(self) -> str:
         """Name of the cause."""
         return self.cause.name
+
+    @property
+    def parts(self) -> tuple[CausePart, ...]:
+        """Parts of the cause, if it has any."""
+        return self.cause.parts if isinstance(self.cause, FittedCause) else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,27 +122,28 @@ def _members(
     """The members of the model with their positions in the chain, and the fitted causes."""
     members, named = [], []
     for item in fit.causes:
-        if item.course is not None:
+        values: dict[str, float | FloatArray]
+        if isinstance(item, BaselineCause):
             shape = fit.shapes[item.name]
             amounts = np.where(off.problem.alive, fit.zeros[item.name], 0.0)
             amounts = amounts[0] if len(amounts) == 1 else amounts
-            values: dict[str, float | FloatArray] = {item.course.name: amounts}
-            values |= dict(zip(item.course.numbers, shape, strict=True))
-            transform = item.make((amounts, *shape) if shape else amounts, off.problem)  # type: ignore[arg-type]
-        elif item.local is not None:
-            values = {item.local.name: fit.whole.values[item.name]}
-            transform = item.transform(fit.whole.values[item.name], off.problem)
+            values = {item.amounts: amounts, **dict(zip(item.numbers, shape, strict=True))}
+            transform = item.make(amounts, shape, off.problem)
+        elif isinstance(item, PerChannelCause):
+            values = {item.array: fit.whole.values[item.name]}
+            transform = item.make(fit.whole.values[item.name], off.problem)
         else:
+            assert isinstance(item, FittedCause)
             numbers = fit.whole.values[item.name]
             values = {f.name: float(v) for f, v in zip(item.parameters(off.problem), numbers, strict=True)}
             transform = item.transform(numbers, off.problem)
-        if item.change is None:  # a cause inside the scene is not part of the sensor model
+        if not item.in_scene:  # a cause inside the scene is not part of the sensor model
             members.append((item.order, item.name, transform))
         if not item.tacit:
             named.append(Named(item, transform, values, evidence[item.name]))
     if np.any(fit.constant):  # the offset that the causes own by convention
-        nuisance = next(c for c in CAUSES if c.nuisance and c.course)
-        members.append((nuisance.order, nuisance.name, nuisance.make(fit.constant, off.problem)))  # type: ignore[arg-type]
+        nuisance = next(c for c in baseline_causes(CAUSES) if c.nuisance)
+        members.append((nuisance.order, nuisance.name, nuisance.make(np.asarray(fit.constant), (), off.problem)))
     return members, named
 
 
@@ -180,7 +186,7 @@ def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, 
 def without_each_part(found: Explanation, named: Named, jobs: int = 1) -> dict[CausePart, FloatArray]:
     """By part of a cause with several, the held-out prediction of the model refitted without the part."""
     out = {}
-    for part in named.cause.parts if len(named.cause.parts) > 1 else ():
+    for part in named.parts if len(named.parts) > 1 else ():
         start = found.fit.lacking(named.name, part, found.problem)
         fit = found.scorer.exact(found.scorer.fitter.fit(start.causes, start, found.fit.constant))
         out[part] = found.off.with_dead(heldout_of(found.problem, found.folds, fit, jobs))

@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import courses_of
+from paxisim.diagnose.causes.kinds import BaselineCause, DetectedCause, FittedCause, PerChannelCause, baseline_causes
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
@@ -48,8 +48,8 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
             out.append(FittedParameter(name, item.unit, interval, item.words))
             continue
         array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
-        unit, course = _unit(named, name), named.cause.course
-        words = "" if course is None else course.numbers.get(name, "")
+        unit = _unit(named, name)
+        words = named.cause.numbers.get(name, "") if isinstance(named.cause, BaselineCause) else ""
         for place in np.ndindex(array.shape):
             label, number = name + "".join(f"_{i}" for i in place), float(array[place])
             interval = Interval(number)
@@ -60,9 +60,9 @@ def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, st
 
 
 def _unit(named: Named, name: str) -> str:
-    if named.cause.local is not None:
-        return named.cause.local.unit
-    if named.cause.course is not None and name in named.cause.course.numbers:
+    if isinstance(named.cause, PerChannelCause):
+        return named.cause.unit
+    if isinstance(named.cause, BaselineCause) and name in named.cause.numbers:
         return "s"
     return {"dead": "1", "stuck": "1", "since": "s"}.get(name, "N") if named.evidence is None else "N"
 
@@ -71,10 +71,10 @@ def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | Non
     """Half-widths of the intervals of an array; None if the recording does not determine any."""
     if len(found.problem.episodes) < 3:
         return None
-    if named.cause.local is not None:
+    if isinstance(named.cause, PerChannelCause):
         problem = replace(found.problem, curves=Curves(np.ones((1, len(found.problem.time)))))
-        return named.cause.local.error(problem, found.prediction, np.asarray(named.values[name]))
-    if named.cause.course is not None and name == named.cause.course.name:
+        return named.cause.error(problem, found.prediction, np.asarray(named.values[name]))
+    if isinstance(named.cause, BaselineCause) and name == named.cause.amounts:
         return _zero_spread(found, named)
     return None
 
@@ -141,7 +141,7 @@ def _levels(problem: Problem) -> NDArray[np.intp]:
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
     problem = found.problem
-    causes = courses_of(found.fit.causes)
+    causes = baseline_causes(found.fit.causes)
     curved = with_curves(problem, causes, found.fit.shapes).curves
     assert curved is not None
     curves, mine = curved.values, curved.owned_by(named.name)
@@ -181,9 +181,9 @@ def model_intervals(
     intervals = {}
     for named in found.named:
         own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
-        if not own or named.cause.change is not None:
+        if not own or named.cause.in_scene:
             continue
-        if named.cause.local is None and not named.cause.parameters(found.problem):  # its arrays are the transform's
+        if isinstance(named.cause, (BaselineCause, DetectedCause)):  # its arrays are the transform's
             reach = _array_ends(named, own)
         else:
             reach = _reach(named.transform, _moved(found, named, own))
@@ -195,11 +195,13 @@ def model_intervals(
 
 def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> list[Transform]:
     """A cause's transform with its parameters at the ends of their intervals."""
-    if named.cause.local is not None:
-        shape = np.shape(named.values[named.cause.local.name])
+    item = named.cause
+    if isinstance(item, PerChannelCause):
+        shape, make = np.shape(named.values[item.array]), item.make
         ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
     else:
-        middle = {name: float(value) for name, value in named.values.items()}  # type: ignore[arg-type]
+        assert isinstance(item, FittedCause)
+        middle, make = {name: float(value) for name, value in named.values.items()}, item.transform  # type: ignore[arg-type]
         ends = [
             np.array(list({**middle, p.name: float(end)}.values()))  # type: ignore[arg-type]
             for p in own
@@ -208,7 +210,7 @@ def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> 
     moved = []
     for values in ends:
         try:
-            moved.append(named.cause.transform(values, found.problem))
+            moved.append(make(values, found.problem))
         except ValueError:  # each value is allowed, but not the combination
             continue
     return moved

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from paxisim.diagnose.causes.kinds import BaselineCause
 from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem
 from paxisim.diagnose.explain.explanation import Explanation
 from paxisim.diagnose.search import rivals_in_place
@@ -25,9 +26,9 @@ def rivals_of(found: Explanation) -> Mapping[str, tuple[str, ...]]:
             rivals[named.name] = rivals_in_place(found.scorer, found.chosen, named.name)
             continue
         amounts = np.asarray(next(iter(named.values.values())))
-        asked = {item.name for item in found.off.causes}
-        if named.cause.unpressed_rival in asked and _on_unpressed(found.problem, amounts):
-            rivals[named.name] = (named.cause.unpressed_rival,)
+        rival = named.cause.unpressed_rival if isinstance(named.cause, BaselineCause) else ""
+        if rival in {item.name for item in found.off.causes} and _on_unpressed(found.problem, amounts):
+            rivals[named.name] = (rival,)
     return rivals
 
 

@@ -131,7 +131,7 @@ def _values(fit: Fit, problem: Problem, study: Study) -> dict[str, float]:
     shown = {
         number.name: float(value)
         for cause in fit.causes
-        if cause.change is not None and cause is not MEAN_POSE
+        if cause.in_scene and cause is not MEAN_POSE
         for number, value in zip(cause.parameters(problem), fit.whole.values[cause.name], strict=True)
     }
     return {name: value / SHOWN[study.parameters[name].unit][1] for name, value in shown.items()}
@@ -163,7 +163,7 @@ def _poses_beside(fit: Fit, values: Mapping[str, float], scorer: Scorer, study: 
     problem = replace(
         scorer.problem, simulated=study.fitted(values)[rows].astype(np.float64), scene=study.responses().select(rows)
     )
-    sensor = [item for item in fit.causes if item.change is None]
+    sensor = [item for item in fit.causes if not item.in_scene]
     fitter = Fitter(problem, scorer.folds)
     compared = fitter.rows(sensor, fit.shapes)
 
@@ -182,7 +182,7 @@ def _poses(problem: Problem, study: Study, predict: Callable[[FloatArray], Float
 
 def _result(ready: Ready, done: Confirmed, study: Study, scene: Scene) -> FoundInScene:
     fit = done.found.fit
-    groups = [named.name for named in done.found.named if named.cause.change is not None]
+    groups = [named.name for named in done.found.named if named.cause.in_scene]
     nuisances = {cause.name for cause in fit.causes if cause.nuisance}  # kept if they differ from the scene's values
     values = {}
     for name, value in _values(fit, ready.off.problem, study).items():

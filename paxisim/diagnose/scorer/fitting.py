@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import Cause, CausePart, courses_of
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, baseline_causes
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem
@@ -83,9 +83,10 @@ class Fit:
 
     def lacking(self, name: str, part: CausePart, problem: Problem) -> Fit:
         """The same without a part of one of the causes, as a start for a fit without that part."""
-        free = next(item for item in self.causes if item.name == name).parameters(problem)
-        kept = np.array([about.name not in part.parameters for about in free])
-        causes = tuple(item.lacking(part) if item.name == name else item for item in self.causes)
+        whole = next(item for item in self.causes if item.name == name)
+        assert isinstance(whole, FittedCause)
+        kept = np.array([about.name not in part.parameters for about in whole.parameters(problem)])
+        causes = tuple(whole.lacking(part) if item is whole else item for item in self.causes)
         values = {**self.whole.values, name: self.whole.values[name][kept]}
         return replace(self, causes=causes, whole=replace(self.whole, values=values))
 
@@ -157,11 +158,11 @@ class Fitter:
         """The best-fitting values and zero offset."""
         model, rows = squares.model, squares.rows
         zero = np.zeros((0 if rows.curves is None else len(rows.curves), *rows.alive.shape))
-        shared = [c for c in causes if c.local is None and c.course is None]
+        shared = [c for c in causes if isinstance(c, FittedCause)]
         values = {c.name: start[c.name] for c in shared if c.name in start}
         for item in shared:
             if item.name not in values:
-                begun = [c for c in causes if c.name in values or c is item or c.local or c.course]
+                begun = [c for c in causes if c.name in values or c is item or not isinstance(c, FittedCause)]
                 values[item.name] = best_start(Model(self.problem, begun, rows), item, values, zero)
         values = squares.descend(values, zero)
         if not len(zero) or (rows.noise.reads_all and not squares.bends):
@@ -208,27 +209,25 @@ class Fitter:
 
     def _shapes(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> Shapes:
         """Shape parameters of each course; those of `start` are kept if it has the same courses."""
-        wanted = courses_of(causes)
+        wanted = baseline_causes(causes)
         if start is not None and start.shapes.keys() == {c.name for c in wanted}:
             return dict(start.shapes)
         shapes: dict[str, tuple[float, ...]] = {}
         for item in wanted:
-            assert item.course is not None
-            tried = item.course.shapes
+            tried = item.shapes
             shapes[item.name] = tried[0] if len(tried) == 1 else self._best_shape(item, causes, shapes, start, fold)
         return shapes
 
     def _best_shape(
-        self, item: Cause, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, fold: int | None
+        self, item: BaselineCause, causes: Sequence[Cause], shapes: Shapes, start: Fit | None, fold: int | None
     ) -> tuple[float, ...]:
         """The shape with which each episode's zero offset is best predicted from the other episodes."""
-        assert item.course is not None
         left = self._left(start, self.problem.compared)
-        known = [c for c in causes if c.course is not None and c.name in shapes]
+        known = [c for c in causes if isinstance(c, BaselineCause) and c.name in shapes]
         rows, parts = self._rows(known, shapes)
         own = rows if fold is None else parts[fold]
         means, squares = own.baseline.means(left), []
-        for shape in item.course.shapes:
+        for shape in item.shapes:
             tried = with_curves(own, [*known, item], {**shapes, item.name: shape}).curves
             assert tried is not None
             basis = own.baseline.means(tried.values.T)
@@ -237,19 +236,19 @@ class Fitter:
             apart = (means - np.tensordot(hat, means, 1)) / (1 - leverage)
             squares.append(float(np.sum(apart**2, where=rows.alive)))
         as_good = np.array(squares) <= (1 + 1e-6) * min(squares)  # with a constant, many shapes are equivalent
-        return item.course.shapes[int(np.argmax(as_good))]
+        return item.shapes[int(np.argmax(as_good))]
 
     def _left(self, start: Fit | None, rows: Problem) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, residual of a fit on the compared frames, without its zero offset."""
         if start is None:
             return rows.measured - rows.read(self.problem.at_compared(self.problem.simulated))
-        causes = [c for c in start.causes if c.course is None]
+        causes = [c for c in start.causes if not isinstance(c, BaselineCause)]
         bare = replace(rows, curves=None, constant=0.0)
         return rows.measured - rows.read(Model(self.problem, causes, bare).run(start.whole.values, None))
 
     def _rows(self, causes: Sequence[Cause], shapes: Shapes) -> tuple[Problem, list[Problem]]:
         """The compared frames with the zero-offset curves, and the same for the complement of each fold."""
-        key = tuple((c.name, shapes[c.name]) for c in courses_of(causes))
+        key = tuple((c.name, shapes[c.name]) for c in baseline_causes(causes))
         if key not in self._shared:
             rows = self.problem.compared
             rows = with_curves(rows, causes, shapes)
@@ -272,7 +271,7 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
 
 def with_curves(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> Problem:
     """The problem with the curves of the causes that have a course, in chain order."""
-    curves = {c.name: c.course.curves(rows, shapes[c.name]) for c in courses_of(causes) if c.course is not None}
+    curves = {c.name: c.curves(rows, shapes[c.name]) for c in baseline_causes(causes)}
     if not curves:
         return replace(rows, curves=None)
     owners = tuple(name for name, own in curves.items() for _ in own)

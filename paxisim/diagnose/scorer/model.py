@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.transform import STAGES, Transform
-from paxisim.diagnose.causes.kinds import Cause
+from paxisim.diagnose.causes.kinds import Cause, FittedCause, PerChannelCause
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 ZERO_ORDER = 76.5
@@ -39,13 +39,15 @@ class Model:
         """Build the chain; nothing runs yet."""
         self.problem = problem
         self.rows = rows or problem.compared
-        fitted = sorted((c for c in causes if c.course is None), key=lambda c: c.order)
-        front = [c for c in fitted if c.order < ZERO_ORDER]
-        self._stages: list[Cause | None] = [*front, None, *fitted[len(front) :]]  # None: the zero offset is added
+        stages = [c for c in causes if isinstance(c, (FittedCause, PerChannelCause))]
+        stages.sort(key=lambda c: c.order)
+        front = [c for c in stages if c.order < ZERO_ORDER]
+        # None: the zero offset is added
+        self._stages: list[FittedCause | PerChannelCause | None] = [*front, None, *stages[len(front) :]]
         self._at = {stage.name: number for number, stage in enumerate(self._stages) if stage is not None}
         self._dropped = 0
         for number, stage in enumerate(self._stages):
-            if stage is not None and stage.local is None and stage.has_memory(problem):
+            if stage is not None and stage.has_memory(problem):
                 self._dropped = number + 1
         # memory effects run on many frames; single precision halves their time
         self._simulated = problem.simulated.astype(np.float32) if self._dropped else problem.simulated
@@ -84,12 +86,12 @@ class Model:
             if stage is None:
                 x = x + self._zero
                 continue
-            if stage.local is not None:
+            if isinstance(stage, PerChannelCause):
                 if stage.name in values:
                     solved[stage.name] = values[stage.name]
                 else:
                     solved[stage.name] = self._solve(stage, number, x, values, solved.get(stage.name))
-                x = self.rows.run(stage.transform(solved[stage.name], self.rows), x)
+                x = self.rows.run(stage.make(solved[stage.name], self.rows), x)
                 continue
             own = self.rows if number >= self._dropped else self.problem
             x = stage.on(x, values[stage.name], self.problem, own)
@@ -101,20 +103,20 @@ class Model:
         x = x if len(x) == len(self.rows.time) else self.problem.at_compared(x)
         return x.astype(np.float64, copy=False)
 
-    def _solve(self, stage: Cause, number: int, x: FloatArray, values: Fitted, near: FloatArray | None) -> FloatArray:
-        assert stage.local is not None
-
+    def _solve(
+        self, stage: PerChannelCause, number: int, x: FloatArray, values: Fitted, near: FloatArray | None
+    ) -> FloatArray:
         def read(force: FloatArray) -> FloatArray:
             return self.rows.read(self._behind(number + 1, force, values))
 
-        return stage.local.solve(self.rows, x, read, near)
+        return stage.solve(self.rows, x, read, near)
 
     def _behind(self, first: int, force: FloatArray, values: Fitted) -> FloatArray:
         """Apply the stages from `first` on to a force, except local causes, whose arrays are not known yet."""
         for stage in self._stages[first:]:
             if stage is None:
                 force = force + self._zero
-            elif stage.local is None:
+            elif isinstance(stage, FittedCause):
                 force = stage.on(force, values[stage.name], self.problem, self.rows)
         return force
 
@@ -133,7 +135,7 @@ class Model:
         def read(zero: FloatArray, shift: float = 0.0) -> FloatArray:
             x = force + (_over_time(rows, zero) + shift)
             for stage in self._stages[place + 1 :]:
-                assert stage is not None
+                assert isinstance(stage, FittedCause)
                 x = rows.run(stage.transform(values[stage.name], self.problem), x)
             return rows.read(x)
 

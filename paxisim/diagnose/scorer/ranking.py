@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.causes.kinds import Cause, effects
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, FittedCause
 from paxisim.diagnose.data.problem import FloatArray
 from paxisim.diagnose.scorer.fitting import Fit, Fitter
 from paxisim.diagnose.scorer.model import Model
@@ -40,11 +40,12 @@ class Ranking:
             fit: Fit of the model.
         """
         problem = fitter.problem
-        self.causes = {c.name: c for c in causes if c.local is None and c.course is None and c.name not in fit.names}
+        self.causes = {c.name: c for c in causes if isinstance(c, FittedCause) and c.name not in fit.names}
         rows = fitter.rows(fit.causes, fit.shapes)
         model = Model(problem, fit.causes, rows)
         prediction = model.run(fit.whole.values, fit.whole.zero)
-        force = Model(problem, [c for c in fit.causes if c.course is None], problem).run(fit.whole.values, None)
+        moving = [c for c in fit.causes if not isinstance(c, BaselineCause)]
+        force = Model(problem, moving, problem).run(fit.whole.values, None)
         stride = max(1, int(rows.samples / MAX_VALUES))
         thin = rows.every(stride)
         kept = np.concatenate(rows.sampling.frames(stride))
@@ -73,7 +74,7 @@ class Ranking:
         owners = [name for name, _, _ in free]
         for item in self.causes.values():
             seen = weighed if item.change is None else through
-            own = [seen(effect) for effect in effects(problem, item, force)]
+            own = [seen(effect) for effect in item.effects(problem, force)]
             columns += own
             owners += [item.name] * len(own)
         columns.append(weighed(GAUGE_STEP * force))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import Cause, CausePart, courses_of, effects
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, baseline_causes
 from paxisim.diagnose.data.folds import Folds, folds_of
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import Rules
@@ -67,7 +67,7 @@ class Scorer:
         self.causes = {c.name: c for c in causes}
         if folds is None:
             thin = problem.thinned
-            shown = (effect for c in self.causes.values() for effect in effects(thin, c, thin.simulated))
+            shown = (effect for c in self.causes.values() for effect in c.effects(thin, thin.simulated))
             folds = folds_of(problem, shown, rules)
         self.folds = folds
         self.material = (rules.material + rules.replayed * problem.noise.excused) * problem.samples
@@ -137,9 +137,12 @@ class Scorer:
             self._lacking[key] = self.fitter.fit(start.causes, start)
         return self._lacking[key]
 
-    def leave_out(self, name: str, part: CausePart) -> None:
-        """Replace a cause by the cause without one of its parts, and forget the fits that contain it."""
-        self.causes[name] = self.causes[name].lacking(part)
+    def leave_out(self, names: Sequence[str], part_name: str) -> None:
+        """Replace a cause of a set by the cause without one of its parts, and forget the fits that contain it."""
+        items = [c for c in map(self.causes.__getitem__, names) if isinstance(c, FittedCause)]
+        item, part = next((c, part) for c in items for part in c.parts if part.name == part_name)
+        name = item.name
+        self.causes[name] = item.lacking(part)
         for cache in (self._fits, self._bare, self._rankings):
             for key in [key for key in cache if name in key]:
                 del cache[key]
@@ -173,24 +176,26 @@ class Scorer:
         """Test one cause of a set; `exact` uses independently fitted folds."""
         item = self.causes[name]
         fit, without = self.fit(names), self.without(names, name)
-        if item.parts:  # what its calibration convention owns is not enough to name it
+        if isinstance(item, FittedCause) and item.parts:
+            # what its calibration convention owns is not enough to name it
             without = min(without, self.lacking(names, name, item.parts), key=lambda own: own.heldout.sum())
         if exact:
             fit, without = self.exact(fit), self.exact(without)
         gain = without.heldout - fit.heldout
         needed = item.price * self.material + self._misfit(fit, name)
-        amount = np.inf
-        if item.course is None:
-            amount = item.amount(fit.whole.values[name], self.problem)
-        kept = self._passes(gain, needed, amount) and not (item.course and self._is_contradicted(fit, name))
+        is_offset = isinstance(item, BaselineCause)
+        amount = np.inf if is_offset else item.amount(fit.whole.values[name], self.problem)
+        kept = self._passes(gain, needed, amount) and not (is_offset and self._is_contradicted(fit, name))
         return Evidence(name, gain, needed, amount, kept)
 
     def evidence_of_parts(self, names: Sequence[str], name: str) -> list[Evidence]:
         """Test each part of a cause of a set: the model compared with the model refitted without the part."""
         item, fit = self.causes[name], self.fit(names)
+        if not isinstance(item, FittedCause) or len(item.parts) < 2:
+            return []
         needed = self.material + self._misfit(fit, name)
         out = []
-        for part in item.parts if len(item.parts) > 1 else ():
+        for part in item.parts:
             amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
             gain = self.lacking(names, name, [part]).heldout - fit.heldout
             out.append(Evidence(part.name, gain, needed, amount, self._passes(gain, needed, amount)))
@@ -255,8 +260,9 @@ def owned_constant(problem: Problem, fit: Fit) -> FloatArray:
     amplitudes.
     """
     zeros = fit.zeros
-    constant = next((zeros[c.name][0] for c in courses_of(fit.causes) if c.nuisance), np.zeros(problem.alive.shape))
-    fields = [zeros[c.name] for c in courses_of(fit.causes) if c.planes]
+    causes = baseline_causes(fit.causes)
+    constant = next((zeros[c.name][0] for c in causes if c.nuisance), np.zeros(problem.alive.shape))
+    fields = [zeros[c.name] for c in causes if c.planes]
     if not fields:
         return np.zeros_like(constant)
     amounts = np.concatenate(fields)

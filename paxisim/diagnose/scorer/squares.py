@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import Cause, Local, courses_of
+from paxisim.diagnose.causes.kinds import Cause, FittedCause, PerChannelCause, baseline_causes
 from paxisim.diagnose.data.problem import FloatArray
 from paxisim.diagnose.scorer.model import ZERO_ORDER, Fitted, Model
 
@@ -36,8 +36,8 @@ class Squares:
     def __init__(self, model: Model, causes: Sequence[Cause]) -> None:
         """Collect the free parameters; nothing runs yet."""
         self.model, self.rows, self.causes = model, model.rows, causes
-        shared = [c for c in causes if c.local is None and c.course is None]
-        self._local = [(c.name, c.local) for c in causes if c.local is not None]
+        shared = [c for c in causes if isinstance(c, FittedCause)]
+        self._per_channel = [c for c in causes if isinstance(c, PerChannelCause)]
         self.free = [(c.name, i, f) for c in shared for i, f in enumerate(c.parameters(model.problem))]
         self.bends = any(c.order > ZERO_ORDER for c in shared)
         spreads = np.array([np.inf if f.spread is None else f.spread for _, _, f in self.free])
@@ -149,11 +149,11 @@ class Squares:
         solved, out = self.model.solved, {}
         base = self.rows.read(self.prediction)
         for item in self.causes:
-            if item.course is None:
+            if isinstance(item, (FittedCause, PerChannelCause)):
                 without = self.rows.read(self.model.run({**values, **solved}, None, begin=item.name, skip=True))
                 self.model.solved = solved
                 out[item.name] = float(np.sum(self.rows.weigh(base - without) ** 2))
-        for item in courses_of(self.causes):
+        for item in baseline_causes(self.causes):
             assert self.rows.curves is not None
             own = self.rows.curves.owned_by(item.name)
             added = np.tensordot(self.rows.curves.values[own].T, zero[own], 1)
@@ -236,9 +236,9 @@ class Squares:
         counting = self.rows.noise
         steep = 1.0 if counting.reads_all else counting.slope(self.prediction, self._whole_step)
         known, absorbed = dict(values), None
-        if len(self._local) == 1 and self._local[0][1].absorbed is not None:  # it need not be solved for each parameter
+        if len(self._per_channel) == 1 and self._per_channel[0].absorbed is not None:  # not solved for each parameter
             known |= self.model.solved
-            absorbed = self._absorbed(*self._local[0], known, steep)
+            absorbed = self._absorbed(self._per_channel[0], known, steep)
 
         def effect(name: str, moved: FloatArray) -> FloatArray:
             kept = self.model.solved
@@ -256,18 +256,18 @@ class Squares:
         return slopes
 
     def _absorbed(
-        self, name: str, local: Local, known: Fitted, steep: FloatArray | float
+        self, item: PerChannelCause, known: Fitted, steep: FloatArray | float
     ) -> Callable[[FloatArray], FloatArray]:
-        """How much of a change of the residual a local cause absorbs, see `Local.absorbed`."""
-        assert local.absorbed is not None
-        kept = self.model.solved
+        """How much of a change of the residual a cause absorbs, see `PerChannelCause.absorbed`."""
+        assert item.absorbed is not None
+        name, kept = item.name, self.model.solved
         moved = self.model.run({**known, name: known[name] + LOCAL_STEP}, None, begin=name)
         self.model.solved = kept
         load = self.rows.weigh((moved - self.prediction) * steep / LOCAL_STEP)
-        return local.absorbed(self.rows, load, self.rows.residual(self.prediction), known[name])
+        return item.absorbed(self.rows, load, self.rows.residual(self.prediction), known[name])
 
 
-def best_start(model: Model, item: Cause, values: Fitted, zero: FloatArray) -> FloatArray:
+def best_start(model: Model, item: FittedCause, values: Fitted, zero: FloatArray) -> FloatArray:
     """The best start of a cause beside `values`, also tried at an amplitude scaled by linear least squares."""
     problem, rows = model.problem, model.rows
     free = item.parameters(problem)
