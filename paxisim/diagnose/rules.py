@@ -1,4 +1,4 @@
-"""Rules: the constants that decide which causes are named, with their meaning.
+"""Rules: the constants that decide what a diagnosis says, with their meaning.
 
 `benchmarks/rule_sensitivity.py` halves and doubles each of them and prints what changes.
 """
@@ -56,3 +56,64 @@ class Rules:
 
 IN_SCENE = Rules(contest=8)
 """More candidates per place than by default, because the scene's causes join the sensor's."""
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Thresholds of the checks that read faults off the streams: dead, stuck and swapped taxels, and the layout.
+
+    Attributes:
+        certain: z-score of a response, of a missing one, or of the gain of a swap, that is certain.
+        consistent: Smallest z-score of a faint response summed over episodes that counts as a response.
+        quiet: Largest standard deviation, in units of the noise, of a channel that does not respond.
+        responds: Smallest gain of a channel that works; its inverse is the largest.
+        silent: Largest gain of a channel that does not respond.
+        unusual: Level of a channel, in units of its usual level or noise, at which no working channel stays.
+        unmoved: Largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis.
+        late: Time constant of a taxel that responds late, in seconds.
+        samples: Fewest samples that decide anything.
+        repeats: Fewest episodes that decide, because in a single one the contact may be misplaced.
+        most: Share of the episodes that must agree.
+        missing_changes: Fewest changes that noise should have caused and that are missing.
+        misfit: Largest misfit of the other taxels of a pad, relative to the simulated energy, where the contact is as
+            simulated.
+        force: Force that is larger than any dead band, in newtons.
+        share: Force, as a share of the peak, that is larger than any offset hidden by clipping at 0.
+        pressed: Force, as a share of the peak, from which a taxel should respond.
+        on_taxel: Force, in units of its tolerated position error, from which the contact is on the taxel.
+        count: Largest level at rest, in quantisation steps, that does not matter.
+        pair_load: Least energy of a swapped taxel, relative to the most loaded one; weak loads depend on placing.
+        residual: Largest residual with a swapped taxel's force, relative to that with the taxel's own force.
+        moved: Share of the moved taxels that must correlate at least as well at their new place.
+        equal: Largest difference between correlations that count as equal.
+        load: Least load on a taxel that counts in a layout, relative to the most loaded one.
+        better: Least gain in correlation for a layout fault to be named.
+    """
+
+    certain: float = 8.0
+    consistent: float = 1.6
+    quiet: float = 1.8
+    responds: float = 0.3
+    silent: float = 0.12
+    unusual: float = 4.0
+    unmoved: float = 0.2
+    late: float = 0.1
+    samples: int = 8
+    repeats: int = 2
+    most: float = 0.8
+    missing_changes: int = 20
+    misfit: float = 0.1
+    force: float = 0.6
+    share: float = 0.2
+    pressed: float = 0.06
+    on_taxel: float = 15.0
+    count: float = 0.6
+    pair_load: float = 0.1
+    residual: float = 0.5
+    moved: float = 0.7
+    equal: float = 0.02
+    load: float = 0.05
+    better: float = 0.05
+
+
+CHECKS = Checks()

@@ -11,24 +11,16 @@ from paxisim import augment
 from paxisim.diagnose.causes.failures import failures_of
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.data.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
-
-FAINT = 0.3  # smallest shear gain of a working taxel
-CONSISTENT = 1.6  # smallest z-score of the response summed over episodes that counts as a response
-UNUSUAL_LEVEL = 4.0  # an unusual level exceeds this many times the typical reading at rest plus the immaterial level
-MISSING_RESPONSE = 8.0  # z-score of the missing response of a stuck taxel
-MAX_STUCK_SPREAD = 1.8  # largest standard deviation of a stuck taxel, in units of the noise
-UNMOVED = 0.2  # largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis
-LATE = 0.1  # s, time constant of a taxel that responds late
+from paxisim.diagnose.data.silent import loaded_taxels
+from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
     """Return the taxels that do not respond on any axis although they are pressed in the simulation."""
     simulated, measured = problem.simulated, problem.measured
     level, noise = np.median(measured, axis=0), np.median(problem.noise.sigma, axis=0)
-    floor = max(0.6 * problem.noise.step, 0.03)
-    loaded = pressed_beyond(problem, max(0.06 * problem.peak, CLEAR_FORCE))[:, :, 2] & (simulated[:, :, 2] > 0)
-    dead = loaded.sum(axis=0) >= MIN_CLEAR_FRAMES
+    floor = max(CHECKS.count * problem.noise.step, 0.03)
+    dead = loaded_taxels(problem).sum(axis=0) >= CHECKS.samples
     # a late response may rise after the press has ended
     rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
     dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
@@ -40,9 +32,9 @@ def _read(problem: Problem) -> Reading | None:
         slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
         told = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
         if axis < 2:  # slow noise may resemble a faint response, but not consistently in all episodes
-            shared = np.abs(each.sum(axis=0)) > CONSISTENT * np.sqrt(np.sum(each**2, axis=0))
-            told &= shared | (np.abs(slope) > FAINT)
-        dead &= ~told | (np.abs(slope) < 0.12)
+            shared = np.abs(each.sum(axis=0)) > CHECKS.consistent * np.sqrt(np.sum(each**2, axis=0))
+            told &= shared | (np.abs(slope) > CHECKS.responds)
+        dead &= ~told | (np.abs(slope) < CHECKS.silent)
         if axis == 2:
             dead &= told
     if dead.any():
@@ -73,7 +65,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     Light presses suffice if the force spans a count, because no dead band suppresses a non-zero reading.
     """
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
-    far = (np.abs(level) > UNUSUAL_LEVEL * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
+    far = (np.abs(level) > CHECKS.unusual * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
     if not far.any():
         return far
     x, y = (
@@ -82,9 +74,9 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     )
     energy, both = np.sum(x**2, axis=(0, 2)), np.sum(x * y, axis=(0, 2))
     missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
-    still = ((problem.measured - level) / noise).std(axis=0) < MAX_STUCK_SPREAD
+    still = ((problem.measured - level) / noise).std(axis=0) < CHECKS.quiet
     reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.noise.step
-    return far & (both < 0.25 * energy) & (missing > MISSING_RESPONSE) & still.all(axis=1) & reached
+    return far & (both < 0.25 * energy) & (missing > CHECKS.certain) & still.all(axis=1) & reached
 
 
 def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
@@ -96,15 +88,15 @@ def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
     moved = np.std(levels, axis=0)
     usual = np.median(moved, axis=(2, 3), keepdims=True)
     drifting = usual > floor
-    return drifting.any() & (~drifting | (moved < UNMOVED * usual)).all(axis=1)
+    return drifting.any() & (~drifting | (moved < CHECKS.unmoved * usual)).all(axis=1)
 
 
 def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:
     """``(pads, rows, cols)`` taxels that respond with a delay of some tenths of a second."""
-    late = problem.run(augment.LowPass(LATE), problem.simulated)[:, :, 2]
+    late = problem.run(augment.LowPass(CHECKS.late), problem.simulated)[:, :, 2]
     x, y = late - late.mean(axis=0), problem.measured[:, :, 2] - level[:, 2]
     energy, both = np.sum(x**2, axis=0), np.sum(x * y, axis=0)
-    return (both > 0.3 * energy) & (both > 8 * noise[:, 2] * np.sqrt(energy))
+    return (both > CHECKS.responds * energy) & (both > CHECKS.certain * noise[:, 2] * np.sqrt(energy))
 
 
 DEAD_TAXELS = DetectedCause(

@@ -13,17 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.data.silent import CLEAR_FORCE, MIN_CLEAR_FRAMES, pressed_beyond
-
-MIN_GAIN_BEFORE = 0.3  # smallest gain of a channel before it fails
-MAX_GAIN_AFTER = 0.12  # largest gain of a failed channel
-CLEAR_RESPONSE = 8.0  # z-score of the response before the failure, and of the missing response after it
-MAX_FAILED_SPREAD = 1.8  # largest standard deviation of a failed channel within an episode, in units of its noise
-FAR_FROM_REST = 4.0  # times noise and rounding; an untouched taxel does not read that far from its level at rest
-MIN_MISSING = 2  # missing responses needed of a taxel that reads its rest level, as one contact may have missed it
-MIN_MISSING_CHANGES = 20  # changes that noise should have caused and that are missing
-MAX_MISFIT = 0.1  # largest misfit of the other taxels while a response is missing, relative to the simulated energy
-MIN_REST_FRAMES = 8  # fewest frames at rest needed to estimate a channel's noise in an episode
+from paxisim.diagnose.data.silent import loaded_taxels
+from paxisim.diagnose.rules import CHECKS
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +60,7 @@ def failures_of(problem: Problem) -> Failures | None:
 def _noise(problem: Problem) -> FloatArray:
     """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
     rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
-    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= MIN_REST_FRAMES]
+    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= CHECKS.samples]
     usual = np.median(problem.noise.sigma, axis=0)
     return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
 
@@ -108,30 +99,30 @@ def _judged(
     after = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1) >= moment
     size = np.abs(problem.simulated)
     most = np.max(size, axis=0, where=after, initial=0.0)
-    touched = (pressed_beyond(problem, max(0.06 * problem.peak, CLEAR_FORCE)) & (problem.simulated > 0))[:, :, 2:]
+    touched = loaded_taxels(problem)[:, :, None]
     # before the failure, only forces as small as those after it count
     force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))
     slope = answer / np.maximum(force, 1e-12)
-    maybe = (np.abs(slope) > MIN_GAIN_BEFORE) & (np.abs(answer) > CLEAR_RESPONSE * noise * np.sqrt(force))
-    maybe &= (touched & ~after).sum(axis=0) >= MIN_CLEAR_FRAMES
+    maybe = (np.abs(slope) > CHECKS.responds) & (np.abs(answer) > CHECKS.certain * noise * np.sqrt(force))
+    maybe &= (touched & ~after).sum(axis=0) >= CHECKS.samples
 
     forces, answers, spreads = _sums(problem, after)
     force, answer = forces.sum(axis=0), answers.sum(axis=0)
     frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
-    silent = np.all(spreads <= (MAX_FAILED_SPREAD * noise) ** 2 * np.maximum(frames, MIN_REST_FRAMES), axis=0)
-    silent &= (np.abs(answer) < MAX_GAIN_AFTER * force) | (np.abs(answer) < CLEAR_RESPONSE * noise * np.sqrt(force))
+    silent = np.all(spreads <= (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples), axis=0)
+    silent &= (np.abs(answer) < CHECKS.silent * force) | (np.abs(answer) < CHECKS.certain * noise * np.sqrt(force))
 
     missing = np.abs(slope) * forces - np.sign(slope) * answers
     maybe &= (
         silent
-        & (np.abs(answer) < MAX_GAIN_AFTER * force)
-        & (missing.sum(axis=0) > CLEAR_RESPONSE * noise * np.sqrt(force))
+        & (np.abs(answer) < CHECKS.silent * force)
+        & (missing.sum(axis=0) > CHECKS.certain * noise * np.sqrt(force))
     )
-    maybe &= (touched & after).sum(axis=0) >= MIN_CLEAR_FRAMES
+    maybe &= (touched & after).sum(axis=0) >= CHECKS.samples
     # the load must be released again: otherwise the channel may be saturated or late
-    maybe &= (after & (size < MAX_GAIN_AFTER * most)).sum(axis=0) >= MIN_CLEAR_FRAMES
+    maybe &= (after & (size < CHECKS.silent * most)).sum(axis=0) >= CHECKS.samples
     told, level = _confirmed(
-        problem, noise, after, maybe, touched, missing > CLEAR_RESPONSE / 2 * noise * np.sqrt(forces)
+        problem, noise, after, maybe, touched, missing > CHECKS.certain / 2 * noise * np.sqrt(forces)
     )
     return told, silent, level
 
@@ -160,13 +151,13 @@ def _confirmed(
     told, level = maybe.copy(), np.zeros(maybe.shape)
     for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
         place, course = (pad, axis, row, col), (slice(None), pad, axis, row, col)
-        least = FAR_FROM_REST * max(float(noise[place]), 0.6 * problem.noise.step)
+        least = CHECKS.unusual * max(float(noise[place]), CHECKS.count * problem.noise.step)
         level[place], unlike = _stays(problem, problem.measured[course], after[course], least)
         if maybe[place]:
             loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]
             spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
             seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
-            told[place] = seen >= (1 if unlike else MIN_MISSING)
+            told[place] = seen >= (1 if unlike else CHECKS.repeats)
     return told, level
 
 
@@ -194,16 +185,16 @@ def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, lo
         span: Samples of an episode.
         loaded: Frames of the episode in which the taxel is loaded.
     """
-    if loaded.sum() < MIN_CLEAR_FRAMES:
+    if loaded.sum() < CHECKS.samples:
         return False
     simulated, measured = problem.simulated[span, pad, 2], problem.measured[span, pad, 2]
     rest = problem.at_rest[span]
     zero = (
-        measured[rest].mean(axis=0) if rest.sum() >= MIN_REST_FRAMES else np.median(problem.measured[:, pad, 2], axis=0)
+        measured[rest].mean(axis=0) if rest.sum() >= CHECKS.samples else np.median(problem.measured[:, pad, 2], axis=0)
     )
     x, y = simulated[loaded][:, others], (measured - zero)[loaded][:, others]
     gain = float(np.sum(x * y)) / max(float(np.sum(x * x)), 1e-12)
-    return float(np.sum((y - gain * x) ** 2)) < MAX_MISFIT * float(np.sum(simulated[loaded] ** 2))
+    return float(np.sum((y - gain * x) ** 2)) < CHECKS.misfit * float(np.sum(simulated[loaded] ** 2))
 
 
 def _stays(problem: Problem, read: FloatArray, after: NDArray[np.bool_], least: float) -> tuple[float, bool]:
@@ -216,5 +207,5 @@ def _stays(problem: Problem, read: FloatArray, after: NDArray[np.bool_], least: 
         return level, False
     changes = np.diff(read, prepend=read[:1]) != 0
     changes[after.argmax()] = False  # the failure itself
-    frozen = not changes[after].any() and changes[rest].mean() * after.sum() > MIN_MISSING_CHANGES
+    frozen = not changes[after].any() and changes[rest].mean() * after.sum() > CHECKS.missing_changes
     return level, bool(frozen or abs(level - float(np.median(read[rest]))) > least)

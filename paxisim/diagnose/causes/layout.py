@@ -11,11 +11,7 @@ from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
-
-MIN_MOVED_SHARE = 0.7  # share of the moved taxels that must correlate at least as well at their new place
-EQUAL_CORRELATION = 0.02  # largest difference between correlations that count as equal
-MIN_LOAD = 0.05  # least load on a taxel that counts, in units of the largest load on a taxel
-MIN_GAIN = 0.05  # least gain in correlation for a layout fault to be named
+from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
@@ -41,9 +37,9 @@ def _read(problem: Problem) -> Reading | None:
         fault = {"flip_rows": flip_rows, "flip_cols": flip_cols, "transpose": transpose, "pad_order": order}
         moved = augment.LayoutFault(**fault)(problem.simulated)[:, :, 2]
         alike = alike_either_way(moved)
-        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + MIN_GAIN:
+        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + CHECKS.better:
             best, most = fault, alike
-    if best and (most > base)[most != base].mean() < 0.8:
+    if best and (most > base)[most != base].mean() < CHECKS.most:
         best = {}
     if best and not _fits_all(normal, wanted, augment.LayoutFault(**best)(problem.simulated)[:, :, 2]):
         best = {}
@@ -66,8 +62,8 @@ def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> boo
         return np.abs(np.sum(a * b, axis=0)) / np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0) + 1e-12)
 
     load = np.maximum(np.ptp(given, axis=0), np.ptp(moved, axis=0))
-    loaded = (load > MIN_LOAD * load.max()) & np.any(given != moved, axis=0)
-    return float(np.mean((each(moved) > each(given) - EQUAL_CORRELATION)[loaded])) > MIN_MOVED_SHARE
+    loaded = (load > CHECKS.load * load.max()) & np.any(given != moved, axis=0)
+    return float(np.mean((each(moved) > each(given) - CHECKS.equal)[loaded])) > CHECKS.moved
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
@@ -96,7 +92,7 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
     for axis in range(3):
         each = alike(axis, order[axis])
         strong = each[np.abs(each) > 0.2]
-        opposed = len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= 0.8
+        opposed = len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= CHECKS.most
         if opposed and (axis == 2 or _turned(problem, simulated, axis, order[axis])):
             signs[axis] = -1
     return (signs[0], signs[1], signs[2]), order

@@ -14,13 +14,7 @@ from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
-
-MIN_PAIR_LOAD = 0.1  # least energy of either taxel, relative to the most loaded one; weak loads depend on placing
-MAX_RESIDUAL = 0.5  # largest residual with the other taxel's force, relative to that with the taxel's own force
-ALLOWED_GAINS = (0.3, 3.0)  # allowed gains of a taxel that reads the other's force
-DECISIVE_GAIN = 8.0  # root of the energy that a swap must remove, in noise units; also makes an episode decisive
-MIN_DECISIVE_SHARE = 0.8  # share of the decisive episodes in which the swap must fit better
-MIN_DECISIVE = 2  # decisive episodes needed, because in a single one the contact may be misplaced
+from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
@@ -43,20 +37,19 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
     total, own_total = left.sum(axis=0), own.sum(axis=0)
     best = np.argmin(total, axis=1)
     shear = _left(problem, pad, 0)[0] + _left(problem, pad, 1)[0]
-    loaded = load > MIN_PAIR_LOAD * load.max()
+    loaded = load > CHECKS.pair_load * load.max()
     pairs = []
     for one, other in enumerate(best):
         if one >= other or best[other] != one or not (loaded[one] or loaded[other]):
             continue
         both = ((one, other), (other, one))
-        if all(
-            total[i, j] < MAX_RESIDUAL * own_total[i] and own_total[i] - total[i, j] > DECISIVE_GAIN**2 for i, j in both
-        ):
+        fits = all(total[i, j] < CHECKS.residual * own_total[i] for i, j in both)
+        if fits and all(own_total[i] - total[i, j] > CHECKS.certain**2 for i, j in both):
             takes = np.array([own[:, i] - left[:, i, j] for i, j in both])
-            tells = np.abs(takes) > DECISIVE_GAIN**2
-            most = np.all(np.sum(takes > DECISIVE_GAIN**2, axis=1) >= MIN_DECISIVE_SHARE * tells.sum(axis=1))
+            tells = np.abs(takes) > CHECKS.certain**2
+            most = np.all(np.sum(takes > CHECKS.certain**2, axis=1) >= CHECKS.most * tells.sum(axis=1))
             turned = sum(float(np.sum(shear[:, i, i] - shear[:, i, j])) for i, j in both)
-            if most and tells.any(axis=0).sum() >= MIN_DECISIVE and turned > -(DECISIVE_GAIN**2):
+            if most and tells.any(axis=0).sum() >= CHECKS.repeats and turned > -(CHECKS.certain**2):
                 pairs.append((pad, *map(int, divmod(one, cols)), *map(int, divmod(other, cols))))
     return pairs
 
@@ -64,8 +57,8 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
 def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
     """Fit the reading of each taxel of a pad by the force on each taxel.
 
-    The gain of a fit is free but shared by all episodes. Where the gain of another taxel's force is outside
-    `ALLOWED_GAINS`, the whole reading counts as residual. A motion in which all forces are proportional, such as
+    The gain of a fit is free but shared by all episodes. Where the gain of another taxel's force is outside the range
+    of a working taxel, the whole reading counts as residual. A motion in which all forces are proportional, such as
     presses at one place, therefore decides nothing.
 
     Returns:
@@ -85,7 +78,7 @@ def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray
     product, force, reading = np.array(products), np.array(forces)[:, None], np.array(readings)[:, :, None]
     gain = product.sum(axis=0) / np.maximum(force.sum(axis=0), 1e-12)
     own = np.eye(len(noise), dtype=bool)
-    gain = np.where(own | ((gain > ALLOWED_GAINS[0]) & (gain < ALLOWED_GAINS[1])), gain, 0.0)
+    gain = np.where(own | ((gain > CHECKS.responds) & (gain < 1 / CHECKS.responds)), gain, 0.0)
     left = (reading - 2 * gain * product + gain**2 * force) / noise[:, None] ** 2
     return left, np.sum(force[:, 0], axis=0)
 

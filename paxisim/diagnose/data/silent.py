@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.data.problem import PRESSED_SHARE, Problem
-
-CLEAR_FORCE = 0.6  # N, larger than any dead band
-MIN_CLEAR_FRAMES = 8  # fewest frames with such a force
-ON_TAXEL = 15.0  # times the tolerated position error: a larger force means that the contact is on the taxel
-CLEAR_SHARE = 0.2  # share of the peak, larger than any offset hidden by clipping at 0
+from paxisim.diagnose.rules import CHECKS
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:
@@ -27,8 +23,8 @@ def silent_channels(problem: Problem) -> NDArray[np.bool_]:
     still = alive & (np.ptp(problem.measured, axis=0) == 0)
     if not still.any():
         return still
-    pressed = pressed_beyond(problem, max(CLEAR_FORCE, CLEAR_SHARE * problem.peak, 2 * problem.noise.step))
-    silent = still & (pressed.sum(axis=0) >= MIN_CLEAR_FRAMES)
+    pressed = pressed_beyond(problem, max(CHECKS.force, CHECKS.share * problem.peak, 2 * problem.noise.step))
+    silent = still & (pressed.sum(axis=0) >= CHECKS.samples)
     for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
         silent[pad, axis] |= still[pad, axis] & _is_missing(problem, int(pad), int(axis), still)
     return silent
@@ -44,8 +40,14 @@ def _is_missing(problem: Problem, pad: int, axis: int, still: NDArray[np.bool_])
     return bool(smaller.any() and read[smaller].mean() > 0.5)
 
 
+def loaded_taxels(problem: Problem) -> NDArray[np.bool_]:
+    """``(T, pads, rows, cols)`` where a normal force presses a taxel so clearly that it should respond."""
+    clear = pressed_beyond(problem, max(CHECKS.pressed * problem.peak, CHECKS.force)) & (problem.simulated > 0)
+    return clear[:, :, 2]
+
+
 def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
     """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
     variance = problem.noise.sigma**2
     tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
-    return np.abs(problem.simulated) > np.maximum(least, ON_TAXEL * tolerated)
+    return np.abs(problem.simulated) > np.maximum(least, CHECKS.on_taxel * tolerated)
