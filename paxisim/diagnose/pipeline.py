@@ -16,7 +16,6 @@ import numpy as np
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.kinds import Cause, FittedCause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.data.correspondence import MIN_CORRELATION
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.data.repeats import with_untold
 from paxisim.diagnose.diagnosis import Diagnosis
@@ -42,6 +41,7 @@ from paxisim.diagnose.result import (
     Symptoms,
     Verdict,
 )
+from paxisim.diagnose.rules import STREAMS
 from paxisim.diagnose.search import search
 from paxisim.diagnose.stages import Confirmed, Ready, Tell, UnrelatedError, confirm, ready_for_search, scorer_of
 from paxisim.errors import InvalidValueError, MissingExtraError
@@ -171,7 +171,7 @@ def _unrelated(error: UnrelatedError) -> Diagnosis:
         heldout=HeldOut(share, share, 0.0, "", None, ()),
         confidence={},
         not_testable={},
-        symptoms=Symptoms(error.warnings, (LeftOver(error.match.why, error.match.alike, MIN_CORRELATION),)),
+        symptoms=Symptoms(error.warnings, (LeftOver(error.match.why, error.match.alike, STREAMS.correlation),)),
         advice=(CHECKS,),
     )
 

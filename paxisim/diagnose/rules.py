@@ -117,3 +117,95 @@ class Checks:
 
 
 CHECKS = Checks()
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Limits of the tests for structure in the residual.
+
+    Attributes:
+        contact: Variance under load, relative to that at rest.
+        common: Variance of the mean of a pad, relative to that of independent taxels.
+        burst: Energy of the worst 1 % of frames at rest, relative to the median.
+        line: Power of a spectral line, relative to its surroundings.
+        neighbour: Energy per frame of a taxel's residual that a neighbour explains, in units of the noise.
+        held: Share of frames that repeat although the force changes.
+        shape: Held-out energy per sample that a shape explains, in units of the noise.
+        tolerated: Relative error of the force that a shape may have, such as a pose error beyond first order.
+        agree: z-score over episodes that a shape must reach; a gain in a single episode has 1.
+        form: Share of the explained energy that may remain because the form of a true cause differs slightly.
+        clear: Statistic, relative to its limit, above which the structure is clear.
+        doubt: Share of a replay in doubt above which no verdict says that the error is explained.
+    """
+
+    contact: float = 2.5
+    common: float = 4.0
+    burst: float = 20.0
+    line: float = 6.0
+    neighbour: float = 3.0
+    held: float = 0.1
+    shape: float = 0.003
+    tolerated: float = 0.004
+    agree: float = 1.2
+    form: float = 0.04
+    clear: float = 2.0
+    doubt: float = 0.5
+
+
+STRUCTURE = Structure()
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Limits for a recording to be diagnosed, and for its two streams to show the same motion.
+
+    Attributes:
+        seconds: Shortest recording, in seconds.
+        few_seconds: Duration below which a warning says that intervals will be wide.
+        frames: Fewest samples.
+        gap: Gap that interrupts an episode, in typical intervals.
+        forces: Plausible range of the peak force on a taxel, in newtons.
+        gain: Largest ratio of measured to simulated force that a gain may explain.
+        scale: Largest such ratio that drift, a field or noise may explain.
+        follows: Least correlation between measured and simulated force.
+        stopped: Largest share of the recording during which one stream may stand still while the other changes.
+        offset: Largest offset between the clocks, in seconds.
+        delay: Largest delay attributed to the sensor, in seconds.
+        overlap: Least share of the longest stretch over which the shifted streams must overlap.
+        correlation: Correlation of the activities below which the streams do not show the same motion.
+        doubtful: The same if the clocks differ, or if the forces share less variance than `shared`.
+        shared: Share of the variance of the forces that both streams have in common.
+        left: Largest share of the uncorrelated part that may remain after a clock shift.
+        misplaced: Distance to another episode, relative to its own, below which the other fits better.
+        same_motion: Relative difference of two simulated forces up to which the motion is repeated.
+        same_load: Relative difference in load up to which two presses repeat each other.
+        repeats: Fewest repeated presses that show whether a sensor has settled.
+        unsettled: Distance of an unsettled press, relative to the largest distance within the later half.
+        speeds: Ratio of the fastest to the slowest loading rate below which there is a single speed.
+    """
+
+    seconds: float = 2.0
+    few_seconds: float = 20.0
+    frames: int = 40
+    gap: float = 10.0
+    forces: tuple[float, float] = (0.01, 1000.0)
+    gain: float = 5.0
+    scale: float = 50.0
+    follows: float = 0.2
+    stopped: float = 0.1
+    offset: float = 15.0
+    delay: float = 0.5
+    overlap: float = 0.5
+    correlation: float = 0.25
+    doubtful: float = 0.5
+    shared: float = 0.25
+    left: float = 0.5
+    misplaced: float = 0.7
+    same_motion: float = 0.02
+    same_load: float = 0.15
+    repeats: int = 5
+    unsettled: float = 2.0
+    speeds: float = 2.0
+
+
+STREAMS = Streams()

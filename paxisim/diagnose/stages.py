@@ -12,7 +12,7 @@ from paxisim.diagnose.causes.vocabulary import CAUSES, cause, known_causes
 from paxisim.diagnose.data.correspondence import CLOCKS, Correspondence, aligned, correspondence_of
 from paxisim.diagnose.data.prepare import prepare
 from paxisim.diagnose.data.problem import Problem
-from paxisim.diagnose.data.repeats import UNUSUAL, settled
+from paxisim.diagnose.data.repeats import settled
 from paxisim.diagnose.data.replayed import problem_with, with_frames
 from paxisim.diagnose.data.responses import Responses
 from paxisim.diagnose.explain.adequacy import left_over
@@ -20,16 +20,13 @@ from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.explain.explanation import Explanation, explanation_of
 from paxisim.diagnose.explain.heldout import SquaredErrors, affected_gains_of, explained_share, squares_of
 from paxisim.diagnose.result import Interval, LeftOver
-from paxisim.diagnose.rules import IN_SCENE, Rules
+from paxisim.diagnose.rules import IN_SCENE, STREAMS, STRUCTURE, Rules
 from paxisim.diagnose.scorer.scorer import PREDICTION_END, Scorer
 from paxisim.recording import Recording
 from paxisim.scene.doubt import recorded_doubts
 from paxisim.scene.modes import hidden_by_replay
 
 Tell = Callable[[str, float], None]
-
-MOSTLY = 0.5  # share of a replay in doubt above which no verdict says that the error is explained
-CLEAR_STRUCTURE = 2.0  # statistic of residual structure, relative to its limit, above which the structure is clear
 
 
 class UnrelatedError(Exception):
@@ -107,12 +104,12 @@ def ready_for_search(
         raw = problem_with(recording, responses)
         off = read_off(raw, wanted)
         unsettled = f"{first} of a repeated motion read differently from the later ones"
-        doubts = (LeftOver(f"{unsettled} under load", distance, UNUSUAL),)
+        doubts = (LeftOver(f"{unsettled} under load", distance, STREAMS.unsettled),)
         excluded = "These episodes were excluded, and the model describes the settled sensor"
         note = f"{unsettled} ({distance:.1f} times their spread): the sensor had not settled. {excluded}"
         warnings = (*warnings, note)
-    if doubtful > MOSTLY:
-        doubts = (*doubts, LeftOver("most of the replay is in doubt", doubtful, MOSTLY))
+    if doubtful > STRUCTURE.doubt:
+        doubts = (*doubts, LeftOver("most of the replay is in doubt", doubtful, STRUCTURE.doubt))
     return Ready(recording, warnings, doubts, tuple(wanted), not_searched, raw, off)
 
 
@@ -202,5 +199,5 @@ def _needs_contact(raw: Problem, item: Cause) -> str:
 def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
     """Whether clear structure remains while the causes explain little; they are then not the real causes."""
     share = explained_share(squares, squares.after, seed)
-    clear = any(item.statistic > CLEAR_STRUCTURE * item.limit for item in structure)
+    clear = any(item.statistic > STRUCTURE.clear * item.limit for item in structure)
     return clear and share is not None and share.value < rules.explains

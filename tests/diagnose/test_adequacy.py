@@ -7,8 +7,9 @@ import pytest
 from recorded import diagnosed, make, recording_of, small
 
 from paxisim.diagnose.data.problem import problem_of
-from paxisim.diagnose.explain.adequacy import SHAPE, left_over
+from paxisim.diagnose.explain.adequacy import left_over
 from paxisim.diagnose.explain.shapes import MAX_FRAMES, MAX_GROUPS, shapes_of
+from paxisim.diagnose.rules import STRUCTURE
 
 
 def problem(causes=(), seed=1, **options):
@@ -79,7 +80,7 @@ def test_shapes_do_not_see_what_channels_may_be_off_by(quiet):
         measured[span] += rng.uniform(-0.1, 0.1, quiet.alive.shape)
     given = dataclasses.replace(quiet, measured=measured, noise=dataclasses.replace(quiet.noise, step=0.0, clips=False))
     shapes = shapes_of(given, given.simulated)
-    assert shapes.gains().sum(axis=1).max() < SHAPE * shapes.samples
+    assert shapes.gains().sum(axis=1).max() < STRUCTURE.shape * shapes.samples
 
 
 def test_a_shape_is_found_by_its_name_and_with_its_energy_in_groups_of_episodes(quiet):

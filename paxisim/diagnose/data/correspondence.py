@@ -14,21 +14,14 @@ from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.data.noise import FloatArray
 from paxisim.diagnose.data.pieces import in_one_piece
+from paxisim.diagnose.rules import STREAMS
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
-MAX_CLOCK_OFFSET = 15.0  # s, largest clock offset
-MIN_OVERLAP = 0.5  # least share of the longest stretch over which the streams must overlap
-MAX_SENSOR_DELAY = 0.5  # s, largest delay attributed to the sensor
-MIN_CORRELATION = 0.25  # correlation of the activities below which the streams do not show the same motion
-DOUBTFUL = 0.5  # the same if the clocks differ or the forces share less variance than `MIN_SHARED_VARIANCE`
-MIN_SHARED_VARIANCE = 0.25  # share of the variance of the forces that both streams have in common
-MAX_LEFT_SHARE = 0.5  # largest share of the uncorrelated part that may remain after a clock shift
 CLIP_QUANTILE = 0.97  # quantile at which the activity is clipped, so that a few wild frames do not dominate
 ACTIVITY_WINDOW = 0.2  # s, window of the moving means whose changes are the activity
 MIN_STRETCH_SAMPLES = 10  # fewest samples of a stretch
 MIN_INTERVAL = 0.02  # s, shortest interval between samples of the activity
-MISPLACED = 0.7  # distance to another episode, relative to its own, below which the other fits better
 
 CLOCKS = (
     "the clocks of the two streams differ: measured lags simulated by {:.2f} s. The streams were aligned first, so a "
@@ -43,7 +36,7 @@ class Correspondence:
     Attributes:
         shift: Lag of the measured behind the simulated stream at the highest correlation, in seconds.
         alike: Correlation of the activities at that lag.
-        at_once: Highest correlation at lags of at most `MAX_SENSOR_DELAY` seconds.
+        at_once: Highest correlation at lags of at most `STREAMS.delay` seconds.
         why: Why the streams do not show the same motion; empty if they may.
     """
 
@@ -55,9 +48,7 @@ class Correspondence:
     @property
     def clocks_apart(self) -> bool:
         """Whether the clocks differ by more than the delay of a sensor."""
-        return (
-            not self.why and abs(self.shift) > MAX_SENSOR_DELAY and 1 - self.alike < MAX_LEFT_SHARE * (1 - self.at_once)
-        )
+        return not self.why and abs(self.shift) > STREAMS.delay and 1 - self.alike < STREAMS.left * (1 - self.at_once)
 
 
 NO_CORRESPONDENCE = Correspondence(0.0, 1.0, 1.0, "")
@@ -90,13 +81,13 @@ def correspondence_of(recording: Recording, replayed: bool = False) -> Correspon
             numbers.append(int(recording.episode[span.start]))
     if not pairs:
         return NO_CORRESPONDENCE
-    shifts, alike = _correlation(pairs, int(MAX_CLOCK_OFFSET / interval))
+    shifts, alike = _correlation(pairs, int(STREAMS.offset / interval))
     best = int(np.argmax(alike))
-    near = np.abs(shifts) * interval <= MAX_SENSOR_DELAY
+    near = np.abs(shifts) * interval <= STREAMS.delay
     shift = _peak(shifts, alike, best) * interval
-    doubtful = alike[best] < DOUBTFUL  # one of many shifts may fit by chance
-    if alike[best] < MIN_CORRELATION or (
-        doubtful and (abs(shift) > MAX_SENSOR_DELAY or _alike(_shifted(recording, shift)) < MIN_SHARED_VARIANCE)
+    doubtful = alike[best] < STREAMS.doubtful  # one of many shifts may fit by chance
+    if alike[best] < STREAMS.correlation or (
+        doubtful and (abs(shift) > STREAMS.delay or _alike(_shifted(recording, shift)) < STREAMS.shared)
     ):
         why = (
             f"measured does not follow simulated at any clock shift up to {shifts[-1] * interval:.2g} s (the "
@@ -155,7 +146,7 @@ def _activity(values: FloatArray, step: int) -> FloatArray:
 def _correlation(pairs: list[tuple[FloatArray, ...]], most: int) -> tuple[NDArray[np.intp], FloatArray]:
     """Shifts in samples, and the pooled correlation of all pairs at each shift."""
     longest = max(len(one) for one, _ in pairs)
-    most = min(most, int((1 - MIN_OVERLAP) * longest))
+    most = min(most, int((1 - STREAMS.overlap) * longest))
     shifts = np.arange(-most, most + 1)
     sums = np.zeros((3, len(shifts)))  # products and both squares, summed over the overlap
     for measured, simulated in pairs:
@@ -193,7 +184,7 @@ def _other_order(pairs: list[tuple[FloatArray, ...]], numbers: list[int], shift:
             distance[i, j] = np.mean((measured[:length] - scale * simulated[:length]) ** 2)
     own = np.diag(distance)
     fits = np.argmin(distance, axis=1)
-    misplaced = distance.min(axis=1) < MISPLACED * own
+    misplaced = distance.min(axis=1) < STREAMS.misplaced * own
     if misplaced.mean() <= 0.5 or len(np.unique(fits[misplaced])) < 2:
         return ""
     worst = int(np.argmax(misplaced * (own - distance.min(axis=1))))

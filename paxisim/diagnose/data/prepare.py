@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from paxisim.diagnose.data.problem import peak_of
+from paxisim.diagnose.rules import STREAMS
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans, episode_starts
 from paxisim.logs.stopped import stopped_in_words
@@ -14,18 +15,9 @@ from paxisim.presses import find_presses
 from paxisim.recording import Recording
 from paxisim.scene.modes import start_streams
 
-MIN_SECONDS = 2.0
-FEW_SECONDS = 20.0
-MIN_FRAMES = 40
 MAX_VALUES = 4_000_000  # most values that are compared
 _LONGEST = 0.04  # s, longest frame interval after decimation
 _LEAST_EPISODES = 12  # fewest episodes that are kept
-_SCALE = 5.0  # largest ratio of measured to simulated force that a gain may explain
-_UNIT = 50.0  # largest such ratio that drift, a field or noise may explain
-_STOPPED = 0.1  # largest share of the recording during which one stream may stand still while the other changes
-_FORCES = (0.01, 1000.0)  # N, plausible range of the peak force on a taxel
-_FOLLOWS = 0.2  # least correlation between measured and simulated force
-_GAP = 10.0  # typical intervals; a longer gap interrupts an episode
 
 
 def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
@@ -55,10 +47,10 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     warnings: list[str] = []
     recording = _known(recording, warnings)
     seconds, frames = recording.duration, len(recording)
-    if seconds < MIN_SECONDS or frames < MIN_FRAMES:
+    if seconds < STREAMS.seconds or frames < STREAMS.frames:
         raise InvalidValueError(
             f"the recording is too short to be diagnosed: it has {seconds:.2g} s and {frames} samples; at least "
-            f"{MIN_SECONDS:g} s and {MIN_FRAMES} samples are needed"
+            f"{STREAMS.seconds:g} s and {STREAMS.frames} samples are needed"
         )
     still = [np.median(np.diff(recording.time[span])) == 0 for span in episode_spans(recording.episode)]
     if any(still):
@@ -66,7 +58,7 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
             f"in {sum(still)} of {len(still)} episodes most samples repeat the previous time stamp: give each sample "
             "its own time stamp"
         )
-    if seconds < FEW_SECONDS:
+    if seconds < STREAMS.few_seconds:
         warnings.append(f"the recording has only {seconds:.1f} s: expect wide intervals and missed causes")
     cut = _cut(recording)
     pieces = len(np.unique(cut.episode))
@@ -119,7 +111,7 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         recording = recording[known]
         step = np.diff(recording.time, prepend=recording.time[0])
         usual = np.median(step[1:]) if len(step) > 1 else 0.0
-        interrupted = step > _GAP * max(float(usual), 1e-9)
+        interrupted = step > STREAMS.gap * max(float(usual), 1e-9)
     changes = (np.diff(recording.episode, prepend=recording.episode[0]) != 0) | interrupted[: len(recording)]
     piece = np.cumsum(changes)
     numbers = recording.episode[episode_starts(piece)]
@@ -161,7 +153,7 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
         if not np.isfinite(np.square(values).sum()):
             raise InvalidValueError(f"{name} contains values too large to be forces")
     stopped, share = stopped_in_words(recording.time, recording.measured, recording.simulated)
-    if share > _STOPPED:
+    if share > STREAMS.stopped:
         raise InvalidValueError(f"{stopped}: leave these samples out, or record again")
     if stopped:
         warnings.append(f"{stopped}: leave these samples out")
@@ -178,7 +170,7 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     alike = product / max(np.sqrt(own * other), 1e-300)
     scale, slope = np.sqrt(other / own), abs(product) / own
     follows = abs(alike) > 0.5
-    if (follows and not 1 / _SCALE <= slope <= _SCALE) or scale > _UNIT:
+    if (follows and not 1 / STREAMS.gain <= slope <= STREAMS.gain) or scale > STREAMS.scale:
         ratio = slope if follows else scale
         raise InvalidValueError(
             f"measured is {ratio:.3g} times simulated: both must be in newtons. Convert millinewtons or counts by "
@@ -186,20 +178,20 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
             "record a load cell beside the sensor and run: paxisim calibrate RECORDING --loads Fz=NAME -o "
             "calibrated.mcap, where NAME is the covariate with its force. See docs/guides/calibrate.md"
         )
-    peak = peak_of(recording.simulated)
-    if not _FORCES[0] <= peak <= _FORCES[1]:
+    peak, (least, most) = peak_of(recording.simulated), STREAMS.forces
+    if not least <= peak <= most:
         raise InvalidValueError(
-            f"simulated reaches {peak:.3g} N on a taxel, but {_FORCES[0]:g} to {_FORCES[1]:g} N were expected: both "
+            f"simulated reaches {peak:.3g} N on a taxel, but {least:g} to {most:g} N were expected: both "
             "streams must be in newtons; are they in millinewtons or counts? Convert both to newtons"
         )
-    if scale < 1 / _SCALE and abs(alike) < _FOLLOWS:
+    if scale < 1 / STREAMS.gain and abs(alike) < STREAMS.follows:
         raise InvalidValueError(
             f"measured shows no signal: it changes {scale:.2g} times as much as simulated and does not follow it "
             f"(correlation {alike:.2f}); was the sensor connected and pressed, and is it the same motion?"
         )
-    if not 1 / _SCALE <= scale <= _SCALE:
+    if not 1 / STREAMS.gain <= scale <= STREAMS.gain:
         warnings.append(f"measured changes {scale:.3g} times as much as simulated; are both in newtons?")
-    if alike < _FOLLOWS:
+    if alike < STREAMS.follows:
         warnings.append(f"measured and simulated hardly correlate ({alike:.2f}): is it the same motion?")
     stuck = int(np.sum(np.ptp(recording.measured, axis=0) == 0))
     if stuck > 0.5 * recording.measured[0].size:

@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.rules import STREAMS
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
-SAME_LOAD = 0.15  # relative difference in load up to which two episodes repeat the same motion
-MIN_REPEATS = 5  # fewest repeated episodes; the later half serves as the reference
-UNUSUAL = 2.0  # distance of an unsettled episode, relative to the largest distance within the later half
-SPEEDS = 2.0  # ratio of the fastest to the slowest loading rate below which there is a single speed
 _HAS_LOAD = 0.5  # share of the largest load that an episode must reach to count as loaded
 _PHASES = 100  # points at which the presses are compared
 _LOADED = 0.02  # load above which a sample is pressed, relative to the peak load
@@ -58,7 +55,7 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
     load = np.abs(recording.simulated).max(axis=(1, 2, 3, 4)).astype(np.float64)
     error = ((recording.measured - recording.simulated) * alive).reshape(len(load), -1).astype(np.float64)
     spans = _loaded(recording)
-    if len(spans) < MIN_REPEATS:
+    if len(spans) < STREAMS.repeats:
         return 0, 0.0
     loads, errors = [], []
     for span in spans:
@@ -71,7 +68,7 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
         zero = error[rest].mean(axis=0) if len(rest) else error[pressed[0]]
         errors.append(np.stack([np.interp(at, time, c) for c in (error[inside] - zero).T], axis=1))
     usual = np.median(loads, axis=0)
-    if max(np.sqrt(np.mean((one - usual) ** 2)) for one in loads) > SAME_LOAD * usual.max():
+    if max(np.sqrt(np.mean((one - usual) ** 2)) for one in loads) > STREAMS.same_load * usual.max():
         return 0, 0.0
     steps = np.abs(np.diff(error, axis=0))
     shapes = np.array(errors) / np.maximum(np.median(steps, axis=0), 1e-3)
@@ -81,7 +78,7 @@ def settling(recording: Recording, alive: NDArray[np.bool_]) -> tuple[int, float
         for i in range(len(spans) - later, len(spans))
     )
     off = np.array([_distance(shape, shapes[-later:]) for shape in shapes]) / max(most, 1e-12)
-    usual_again = np.flatnonzero(off[: len(spans) // 2] <= UNUSUAL)
+    usual_again = np.flatnonzero(off[: len(spans) // 2] <= STREAMS.unsettled)
     return int(usual_again[0]) if len(usual_again) else len(spans) // 2, float(off[0])
 
 
@@ -104,7 +101,7 @@ def one_speed(problem: Problem) -> bool:
             speeds.append((high - low) / max(time[over[0]] - time[rise[-1]], 1e-9))
         if len(fall):
             speeds.append((high - low) / max(time[fall[0] + 1] - time[over[-1]], 1e-9))
-    return len(speeds) >= 2 and max(speeds) < SPEEDS * min(speeds)
+    return len(speeds) >= 2 and max(speeds) < STREAMS.speeds * min(speeds)
 
 
 def with_untold(

@@ -15,17 +15,7 @@ from numpy.typing import NDArray
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.explain.shapes import Shapes, others, shapes_of
 from paxisim.diagnose.result import LeftOver
-
-CONTACT = 2.5  # variance under load relative to that at rest
-COMMON_VARIANCE = 4.0  # variance of a pad's mean relative to that of independent taxels
-BURST = 20.0  # energy of the worst 1% of frames at rest relative to the median
-LINE = 6.0  # power of a spectral line relative to its surroundings
-NEIGHBOUR = 3.0  # energy per frame of a taxel's residual that a neighbour explains
-HELD_FRAMES = 0.1  # share of frames that repeat although the force changes
-SHAPE = 0.003  # held-out energy per sample that a shape explains
-TOLERATED = 0.004  # relative error of the force that a shape may have, such as a pose error beyond first order
-AGREE = 1.2  # z-score over episodes that a shape must reach; a gain in a single episode has 1
-FORM = 0.04  # share of the explained energy that may remain because the fitted form of a true cause differs slightly
+from paxisim.diagnose.rules import STRUCTURE as LIMITS
 
 _WINDOW = 1024  # frames per spectrum
 
@@ -44,7 +34,7 @@ def left_over(problem: Problem, prediction: FloatArray) -> tuple[LeftOver, ...]:
     if any(f.statistic > f.limit for f in tests.values()):
         for kind, before in _tests(problem, problem.simulated):
             if kind in tests:
-                tests[kind] = replace(tests[kind], limit=max(tests[kind].limit, FORM * before.statistic))
+                tests[kind] = replace(tests[kind], limit=max(tests[kind].limit, LIMITS.form * before.statistic))
     found = [*tests.values()]
     if problem.has_contact:  # shapes of the force; without contact there is none
         found += _shapes(shapes_of(problem, prediction))
@@ -92,7 +82,7 @@ def _under_load(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
         quiet += square[rest].sum(dtype=float), rest.sum() * problem.alive.sum()
     if pressed[1] >= 100:
         ratio = pressed[0] / pressed[1] / max(quiet[0] / max(quiet[1], 1), 1.0)
-        yield LeftOver("the residual grows under load by more than the tolerances allow", float(ratio), CONTACT)
+        yield LeftOver("the residual grows under load by more than the tolerances allow", float(ratio), LIMITS.contact)
 
 
 def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
@@ -107,7 +97,7 @@ def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftO
         count = np.maximum(problem.alive.sum(axis=(2, 3)), 1)
         each = np.maximum(energy / count / len(mean), 0.1)
         ratio = np.mean(mean**2, axis=0) / count / each
-        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), COMMON_VARIANCE)
+        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), LIMITS.common)
 
 
 def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
@@ -119,7 +109,7 @@ def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOve
         return
     worst = np.sort(energy)[-max(3, len(energy) // 100) :].mean()
     ratio = float(worst / max(np.median(energy), 1.0))
-    yield LeftOver("bursts: a few frames at rest carry most of the error", ratio, BURST)
+    yield LeftOver("bursts: a few frames at rest carry most of the error", ratio, LIMITS.burst)
 
 
 def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
@@ -142,7 +132,7 @@ def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver
         beside = np.r_[max(2, i - 14) : i - 3, i + 4 : min(len(power), i + 15)]
         ratios[i] = power[i] / max(np.median(power[beside]), 1e-12)
     at = int(ratios.argmax())
-    yield LeftOver(f"a spectral line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LINE)
+    yield LeftOver(f"a spectral line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LIMITS.line)
 
 
 def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
@@ -162,7 +152,7 @@ def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
     gain = np.sum(2 * share * projections - share**2 * products, axis=1).max(axis=0) / len(problem.time)
     pad, row, col = np.unravel_index(int(gain.argmax()), gain.shape)
     name = problem.pads[pad] if problem.pads else f"pad {pad}"
-    yield LeftOver(f"{name}, taxel ({row}, {col}), reads the force on a neighbour", float(gain.max()), NEIGHBOUR)
+    yield LeftOver(f"{name}, taxel ({row}, {col}), reads the force on a neighbour", float(gain.max()), LIMITS.neighbour)
 
 
 def _held(problem: Problem) -> Iterator[LeftOver]:
@@ -174,13 +164,13 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
         still = np.all(np.diff(problem.measured[span], axis=0) == 0, axis=(1, 2, 3, 4))
         same, moved = same + int((clear & still).sum()), moved + int(clear.sum())
     if moved >= 20:
-        yield LeftOver("frames are repeated while the force changes", same / moved, HELD_FRAMES)
+        yield LeftOver("frames are repeated while the force changes", same / moved, LIMITS.held)
 
 
 def _shapes(shapes: Shapes) -> Iterator[LeftOver]:
     """Test whether a shape explains held-out residual energy, consistently over episodes."""
-    limit = SHAPE + (FORM * shapes.explained + TOLERATED**2 * shapes.load) / shapes.samples
+    limit = LIMITS.shape + (LIMITS.form * shapes.explained + LIMITS.tolerated**2 * shapes.load) / shapes.samples
     for name, gain in zip(shapes.names, shapes.gains(), strict=True):
         chance = float(gain.std(ddof=1)) * np.sqrt(len(gain)) if len(gain) > 1 else 0.0
-        if gain.sum() > AGREE * chance:
+        if gain.sum() > LIMITS.agree * chance:
             yield LeftOver(f"the residual correlates with {name}", float(gain.sum()) / shapes.samples, limit)

@@ -14,6 +14,7 @@ from paxisim.diagnose.causes.kinds import CausePart
 from paxisim.diagnose.data.problem import FloatArray, Problem, showing
 from paxisim.diagnose.explain.explanation import Explanation, Named, without_each, without_each_part
 from paxisim.diagnose.result import HeldOut, Interval
+from paxisim.diagnose.rules import STREAMS
 
 K = TypeVar("K")
 
@@ -22,7 +23,6 @@ CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
 CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
 MIN_EXPLAINABLE = 0.02  # least explainable error, relative to the noise floor
 EQUAL_STREAMS = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
-SAME_MOTION = 0.02  # difference, relative to the force, up to which two simulations count as the same motion
 SLOW_NOISE = 2.5  # largest ratio of the variance at rest to that of the fast noise
 
 
@@ -127,7 +127,7 @@ def _repeated(problem: Problem) -> float | None:
         force = float(np.mean(problem.simulated[one] ** 2))
         if force < 1e-4 * problem.peak**2 or len(found) > 20:
             continue
-        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < SAME_MOTION**2 * force:
+        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
             apart = problem.measured[one] - problem.measured[other]
             found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
     return float(np.median(found)) if found else None
