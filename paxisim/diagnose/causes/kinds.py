@@ -203,7 +203,7 @@ class Cause:
             from `Free.material`.
         barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
         words: Explanation in one short sentence for a reader who does not know the name.
-        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.page.PICTURES`.
     """
 
     name: str

@@ -1,7 +1,8 @@
-"""Page: a diagnosis as a single HTML file."""
+"""Page: a diagnosis as a single HTML file, and the kinds of pictures on it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -12,16 +13,23 @@ from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.report.faults import fault_in_words
+from paxisim.diagnose.report.curves import axes_mixed, channel_curves, curves, gains, loops, small_forces, steps
+from paxisim.diagnose.report.effect import Effect, effects
+from paxisim.diagnose.report.error import gain_pictures, percent, places, remains, shares, worst_episodes
+from paxisim.diagnose.report.maps import kernel, mapping, silent_map, taxel_map, zero, zero_in_time
+from paxisim.diagnose.report.scene import closing, height_map, mount, slip
+from paxisim.diagnose.report.style import Picture, drawing
 from paxisim.diagnose.report.text import (
     CONFIDENCE,
     EXPLAINS,
     black_box_in_words,
+    fault_in_words,
     is_of_one_episode,
     meanings,
     parameters_in_words,
     reasons_of,
 )
+from paxisim.diagnose.report.timing import covariate, edges, holds, plain, shift
 from paxisim.diagnose.result import FoundCause, Interval, Result
 from paxisim.errors import MissingExtraError
 
@@ -45,6 +53,33 @@ TAILS = {
 }
 ONE_EPISODE_HEAD = "{causes} may explain the difference"
 ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."
+
+
+PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
+    "axes": axes_mixed,
+    "closing": closing,
+    "channel_curves": channel_curves,
+    "covariate": covariate,
+    "curves": curves,
+    "edges": edges,
+    "gains": gains,
+    "height_map": height_map,
+    "holds": holds,
+    "kernel": kernel,
+    "loops": loops,
+    "mapping": mapping,
+    "mount": mount,
+    "plain": plain,
+    "shift": shift,
+    "silent_map": silent_map,
+    "slip": slip,
+    "small_forces": small_forces,
+    "steps": steps,
+    "taxel_map": taxel_map,
+    "zero": zero,
+    "zero_in_time": zero_in_time,
+}
+"""The function that draws the pictures of an effect, by kind."""
 
 
 def page(diagnosis: Result) -> str:
@@ -86,39 +121,36 @@ def _sentence(diagnosis: Result) -> str:
     return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
-def _context(diagnosis: Result) -> dict[str, Any]:
-    from paxisim.diagnose.report.effect import effects
-    from paxisim.diagnose.report.gain import gain_pictures
-    from paxisim.diagnose.report.kinds import evidence
-    from paxisim.diagnose.report.maps import places
-    from paxisim.diagnose.report.remains import remains
-    from paxisim.diagnose.report.style import drawing
-    from paxisim.diagnose.report.traces import shares, worst_episodes
+def evidence(effect: Effect) -> list[Picture]:
+    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered."""
+    return PICTURES[effect.about.picture if effect.about else "plain"](effect)
 
-    streams, extended = diagnosis.streams, bool(diagnosis.causes)
+
+def _context(diagnosis: Result) -> dict[str, Any]:
+    streams, extended, model = diagnosis.streams, bool(diagnosis.causes), diagnosis.model
+    pictures = {name: [] for name in ("maps", "traces", "remains")}
+    evidences: dict[str, list[Picture]] = {}
     with drawing():
-        found = [] if streams is None else effects(diagnosis.causes, diagnosis.model, streams)
-        pictures = {effect.cause.name: evidence(effect) for effect in found}
-        context = {
-            "maps": [] if streams is None else places(streams, extended),
-            "traces": [] if streams is None else worst_episodes(streams, extended),
-            "shares": shares(diagnosis.symptoms, extended),
-            "gain": gain_pictures(diagnosis),
-            "remains": remains(streams, extended) if streams is not None and diagnosis.symptoms.left_over else [],
-        }
+        if streams is not None:
+            for effect in effects(diagnosis.causes, model, streams):
+                evidences[effect.cause.name] = evidence(effect)
+            pictures = {"maps": places(streams, extended), "traces": worst_episodes(streams, extended)}
+            pictures["remains"] = remains(streams, extended) if diagnosis.symptoms.left_over else []
+        pictures |= {"shares": shares(diagnosis.symptoms, extended), "gain": gain_pictures(diagnosis)}
     causes = [
         {
-            "found": cause,
-            "words": _words(cause.name),
-            "pictures": pictures.get(cause.name, []),
-            "parameters": _parameters(diagnosis, cause),
-            "meanings": meanings(cause.parameters),
-            "confidence": diagnosis.confidence.get(cause.name),
+            "found": found,
+            # the description of a cause, which may no longer be registered
+            "words": cause(found.name).words if found.name in known_causes() else "",
+            "pictures": evidences.get(found.name, []),
+            "parameters": _parameters(diagnosis, found),
+            "meanings": meanings(found.parameters),
+            "confidence": diagnosis.confidence.get(found.name),
         }
-        for cause in diagnosis.causes
+        for found in diagnosis.causes
     ]
     return {
-        **context,
+        **pictures,
         "diagnosis": diagnosis,
         "head": _head(diagnosis),
         "sentence": _sentence(diagnosis),
@@ -128,9 +160,9 @@ def _context(diagnosis: Result) -> dict[str, Any]:
         "beyond_in_words": black_box_in_words(diagnosis.heldout) if extended else "",
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
         "reasons": reasons_of(diagnosis),
-        "has_model": bool(list(diagnosis.model)),
-        "covariates": diagnosis.model.covariate_names,
-        "reads_ahead": _reads_ahead(diagnosis.model),
+        "has_model": bool(list(model)),
+        "covariates": model.covariate_names,
+        "reads_ahead": _reads_ahead(model),
         "version": __version__,
     }
 
@@ -143,11 +175,6 @@ def _head(diagnosis: Result) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _words(name: str) -> str:
-    """Return the one-sentence description of a cause; empty if it is no longer registered."""
-    return cause(name).words if name in known_causes() else ""
-
-
 def _reads_ahead(model: Chain) -> bool:
     """Whether a reading depends on future frames because the simulated stream lags the measured one."""
     return any(
@@ -158,14 +185,11 @@ def _reads_ahead(model: Chain) -> bool:
 
 def _parameters(diagnosis: Result, cause: FoundCause) -> list[tuple[str, str]]:
     """Names and values of the parameters as text; long arrays are summarised by their range."""
-    if words := fault_in_words(diagnosis, cause.name):
-        return [("fault", words)]
-    return parameters_in_words(cause.parameters)
+    words = fault_in_words(diagnosis, cause.name)
+    return [("fault", words)] if words else parameters_in_words(cause.parameters)
 
 
 def _percent(value: Interval | float) -> str:
-    from paxisim.diagnose.report.gain import percent
-
     if not isinstance(value, Interval):
         return percent(value)
     if value.low is None or value.high is None:
