@@ -69,12 +69,10 @@ def loops(effect: Effect) -> list[Picture]:
     axes.plot(lacking, measured, color=MEASURED, linewidth=2.2, alpha=0.85, label="measured")
     style.without(axes, lacking, lacking)
     style.with_cause(axes, lacking, model, name, 1.3)
-    closed = style.finish(
-        figure,
-        "Loading and unloading follow different curves",
-        f"Measured force against force in the model without {name}, {place}. The model with {name} follows the "
-        "measured loop; without it, only the straight line remains.",
-    )
+    title = "Loading and unloading follow different curves"
+    alt = f"Measured force against force in the model without {name}, {place}. The model with {name} follows the "
+    alt += "measured loop; without it, only the straight line remains."
+    closed = style.finish(figure, title, alt)
 
     seen, adds = measured - lacking, model - lacking
     figure, axes = style.panel(f"{AXES[axis]} force without {name}, N", "deviation, N", 3.0)
@@ -86,12 +84,10 @@ def loops(effect: Effect) -> list[Picture]:
         (x, to_x), (y, to_y) = lacking[start : start + 2], adds[start : start + 2]
         style.arrow(axes, (x, y), (to_x, to_y), size=15)
     gap = float(adds.max() - adds.min())
-    opened = style.finish(
-        figure,
-        f"Deviation from the straight line spans {gap:.2g} N ({where})",
-        f"Measured force minus force in the model without {name}, against the latter, {place}. The points lie on a "
-        f"loop that spans {gap:.3g} N; the model with {name} follows it.",
-    )
+    title = f"Deviation from the straight line spans {gap:.2g} N ({where})"
+    alt = f"{effect.deviation}, against the latter, {place}. The points lie on a loop that spans {gap:.3g} N; the "
+    alt += f"model with {name} follows it."
+    opened = style.finish(figure, title, alt)
     return [closed, opened]
 
 
@@ -105,18 +101,17 @@ def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Pictur
     """
     name, axis, place = effect.cause.name, AXES[effect.channel[1]], effect.place(effect.channel)
     title = title or (effect.about.words.removesuffix(".") if effect.about else "") or f"Effect of {name}"
-    measured, lacking, model = _shown(*effect.at(effect.channel), near)
+    measured, lacking, model = _shown(effect.at(effect.channel), near)
     figure, axes = style.panel(f"{axis} force without {name}, N", f"{axis} force measured, N", 3.0)
     style.cloud(axes, lacking, measured)
     ends = np.array([lacking.min(), lacking.max()])
     style.without(axes, ends, ends)
-    style.with_cause(axes, *_in_order(lacking, model), name)
-    return style.finish(
-        figure,
-        f"{title} ({place})",
-        f"Measured force against force in the model without {name}, {place}. The points deviate "
-        f"from the straight line; the model with {name} follows them.",
-    )
+    x, fitted = _in_order(lacking, model)
+    style.with_cause(axes, x, fitted, name)
+    title = f"{title} ({place})"
+    alt = f"Measured force against force in the model without {name}, {place}. The points deviate from the straight "
+    alt += f"line; the model with {name} follows them."
+    return style.finish(figure, title, alt)
 
 
 def _in_newtons(effect: Effect) -> float:
@@ -125,13 +120,14 @@ def _in_newtons(effect: Effect) -> float:
     return next(sizes, float(np.abs(effect.without).max()))
 
 
-def _shown(measured: Series, lacking: Series, model: Series, near: float) -> tuple[Series, Series, Series]:
+def _shown(forces: tuple[Series, ...], near: float) -> tuple[Series, ...]:
     """Return the samples with a force of at most `near` (N), without those at rest."""
+    lacking = forces[1]
     most = float(np.abs(lacking).max())
     kept = (np.abs(lacking) > 0.004 * min(near, most)) & (np.abs(lacking) <= near)
     if kept.sum() < 20:
         kept = np.ones(len(lacking), dtype=bool)
-    return measured[kept], lacking[kept], model[kept]
+    return tuple(force[kept] for force in forces)
 
 
 def _in_order(x: Series, y: Series) -> tuple[Series, ...]:
@@ -141,7 +137,7 @@ def _in_order(x: Series, y: Series) -> tuple[Series, ...]:
 
 def _bend(effect: Effect, near: float = np.inf) -> Picture:
     (pad, axis, _, _), name = effect.channel, effect.cause.name
-    measured, lacking, model = _shown(*(force[:, pad, axis].astype(float).ravel() for force in effect.forces), near)
+    measured, lacking, model = _shown(tuple(force[:, pad, axis].astype(float).ravel() for force in effect.forces), near)
     seen, adds = measured - lacking, model - lacking
     figure, axes = style.panel(f"{AXES[axis]} force without {name}, N", "deviation, N", 3.0)
     style.cloud(axes, lacking, seen, faint=True)
@@ -154,12 +150,10 @@ def _bend(effect: Effect, near: float = np.inf) -> Picture:
     style.means(axes, x, mean)
     wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
     axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))
-    return style.finish(
-        figure,
-        "Deviation from the straight line, all taxels",
-        f"Measured force minus force in the model without {name}, against the latter, for all taxels of pad "
-        f"{effect.streams.pads[pad]}, {AXES[axis]}. The means lie on the curve of the model with {name}.",
-    )
+    title = "Deviation from the straight line, all taxels"
+    alt = f"{effect.deviation}, against the latter, for all taxels of pad {effect.streams.pads[pad]}, {AXES[axis]}. "
+    alt += f"The means lie on the curve of the model with {name}."
+    return style.finish(figure, title, alt)
 
 
 def _bends(effect: Effect) -> Picture:
@@ -180,12 +174,10 @@ def _bends(effect: Effect) -> Picture:
         axes.set_axis_off()
     figure.supxlabel(f"force without {name}, N", fontsize=9)
     figure.supylabel("deviation, N", fontsize=9)
-    return style.finish(
-        figure,
-        f"Deviation from the straight line, the {len(order)} most affected channels",
-        f"Measured force minus force in the model without {name}, against the latter, one panel per channel. The means "
-        f"lie on the curve of the model with {name}.",
-    )
+    title = f"Deviation from the straight line, the {len(order)} most affected channels"
+    alt = f"{effect.deviation}, against the latter, one panel per channel. The means lie on the curve of the model "
+    alt += f"with {name}."
+    return style.finish(figure, title, alt)
 
 
 def _factors(effect: Effect) -> Picture:
@@ -216,12 +208,10 @@ def _histogram(effect: Effect, step: float) -> Picture:
     part = 100 * smooth / max(int(smooth.sum()), 1)
     axes.step(middle, part, where="mid", color=SIMULATED, linewidth=1.6, label="without")
     axes.grid(visible=False)
-    return style.finish(
-        figure,
-        f"The sensor reads only multiples of {step:.3g} N",
-        f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N. Measured readings fall on multiples of "
-        f"{step:.3g} N; those of the model without rounding spread evenly.",
-    )
+    title = f"The sensor reads only multiples of {step:.3g} N"
+    alt = f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N. Measured readings fall on multiples of "
+    alt += f"{step:.3g} N; those of the model without rounding spread evenly."
+    return style.finish(figure, title, alt)
 
 
 def _simplest(effect: Effect) -> int:
@@ -265,12 +255,10 @@ def _leak(effect: Effect, pad: int, into: int, source: int, matrix: Series) -> P
     ends = np.array([min(load.min(), 0), max(load.max(), 0)])
     style.with_cause(axes, ends, slope * ends, effect.cause.name)
     name = effect.streams.pad(pad)
-    return style.finish(
-        figure,
-        f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force ({name})",
-        f"Measured {AXES[into]} force of {name} minus force in the model without {effect.cause.name}, against the "
-        f"{AXES[source]} force. The points follow the model's line, whose slope is {slope:.3g}.",
-    )
+    title = f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force ({name})"
+    alt = f"Measured {AXES[into]} force of {name} minus force in the model without {effect.cause.name}, against the "
+    alt += f"{AXES[source]} force. The points follow the model's line, whose slope is {slope:.3g}."
+    return style.finish(figure, title, alt)
 
 
 def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
@@ -293,8 +281,6 @@ def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
     axes.set_xticks(range(3), [f"force on {axis}" for axis in AXES], color=INK)
     axes.set_yticks(range(3), [f"reading on {axis}" for axis in AXES], color=INK)
     words = "; ".join(", ".join(row) for row in rounded)
-    return style.finish(
-        figure,
-        "Coupling matrix (identity without the cause)",
-        f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}.",
-    )
+    title = "Coupling matrix (identity without the cause)"
+    alt = f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}."
+    return style.finish(figure, title, alt)

@@ -23,14 +23,10 @@ Channel = tuple[int, ...]  # pad, axis, row, column
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """The effect of a cause.
+    """The effect of a cause as the diagnosis found it.
 
-    Attributes:
-        cause: The cause, as the diagnosis found it.
-        streams: The recorded and simulated tensors.
-        model: ``(T, pads, 3, rows, cols)`` float32 newtons, output of the extended model.
-        without: The same, output of the extended model without this cause.
-        chain: The extended model.
+    `model` is the output of the extended model `chain` for the simulated stream, ``(T, pads, 3, rows, cols)`` float32
+    newtons, and `without` that of the model without the cause.
     """
 
     cause: FoundCause
@@ -107,6 +103,11 @@ class Effect:
         """Description of a channel, for a title."""
         return place_of(self.streams, channel)
 
+    @property
+    def deviation(self) -> str:
+        """What a deviation is, for the start of an alternative text."""
+        return f"Measured force minus force in the model without {self.cause.name}"
+
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
     """Return the effect of each cause that has a member in the chain or belongs to the scene.
@@ -176,10 +177,7 @@ def interval_of(time: Series) -> float:
 def windows(streams: Streams, seconds: float, least: int) -> tuple[float, list[slice]]:
     """Return the sampling interval (s), and the samples of half-overlapping windows for spectra.
 
-    Args:
-        streams: Streams of the recording; episodes shorter than a window are left out.
-        seconds: Duration of a window; shorter if most episodes are shorter.
-        least: Least number of samples in a window of long episodes.
+    A window has at least `least` samples, but is no longer than most episodes; shorter episodes are left out.
     """
     interval = interval_of(streams.time[streams.episodes[0]])
     typical = int(np.median([span.stop - span.start for span in streams.episodes]))

@@ -12,7 +12,7 @@ from paxisim.diagnose.report import style
 from paxisim.diagnose.report.effect import Series, elapsed, largest, place_of, windows
 from paxisim.diagnose.report.maps import grid_of_maps, worst_pads
 from paxisim.diagnose.report.style import AXES, EXTENDED, INK, MEASURED, MUTED, PAPER, SIMULATED, Picture
-from paxisim.diagnose.result import HeldOut, Place, Result, Streams, Symptoms, pad_in_words
+from paxisim.diagnose.result import HeldOut, Interval, Place, Result, Streams, Symptoms, pad_in_words
 
 _MOST_TICKS = 12  # episodes named below the bars
 _EPISODES = 3  # most episodes drawn
@@ -31,8 +31,14 @@ def gain_pictures(diagnosis: Result) -> list[Picture]:
     return pictures
 
 
-def percent(value: float) -> str:
-    """Format a share in percent, without meaningless digits for a failing black box."""
+def percent(value: Interval | float) -> str:
+    """Format a share in percent with its interval, without meaningless digits for a failing black box."""
+    if isinstance(value, Interval):
+        return (
+            f"{value.value:.0%}"
+            if None in (value.low, value.high)
+            else f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"
+        )
     return f"{value:.1%}" if value < 10 else "over 1000%"
 
 
@@ -58,11 +64,9 @@ def _sizes(heldout: HeldOut, extended: bool) -> Picture:
     words = ", ".join(f"{name} {percent(value)}" for name, value, _ in rows)
     where = "Held-out" if len(heldout.gain_per_episode) > 1 else "In-sample"
     becomes = f" → {heldout.nrmse_after:.1%}" if extended else ""
-    return style.finish(
-        figure,
-        f"{where} error: {heldout.nrmse_before:.1%}{becomes}",
-        f"{where} normalised RMSE: {words}. The noise floor is {floor:.1%}.",
-    )
+    title = f"{where} error: {heldout.nrmse_before:.1%}{becomes}"
+    alt = f"{where} normalised RMSE: {words}. The noise floor is {floor:.1%}."
+    return style.finish(figure, title, alt)
 
 
 def _causes(diagnosis: Result) -> Picture:
@@ -101,19 +105,15 @@ def _episodes(diagnosis: Result) -> Picture:
     axes.set_xticks(shown_at, [str(numbers[i]) for i in shown_at])
     axes.grid(axis="x", visible=False)
     better = f"{sum(gain > 0 for gain in gains)} of {len(gains)} episodes"
-    return style.finish(
-        figure,
-        f"The error decreases in {better}",
-        f"Share of each episode's error energy that the model removes. It is positive in {better}.",
-    )
+    title = f"The error decreases in {better}"
+    alt = f"Share of each episode's error energy that the model removes. It is positive in {better}."
+    return style.finish(figure, title, alt)
 
 
 def places(streams: Streams, extended: bool = True) -> list[Picture]:
     """Return maps of the error of each taxel, by pad and axis: before and, if there is a model, after."""
-    errors = {"before": _error(streams, streams.simulated)}
-    if extended:
-        errors["after"] = _error(streams, streams.extended)
-    before = errors["before"]
+    before = _error(streams, streams.simulated)
+    errors = {", before": before, ", after": _error(streams, streams.extended)} if extended else {"": before}
     pads = worst_pads(before**2)
     limit = float(before[pads].max())
     if limit == 0:
@@ -129,22 +129,18 @@ def _error(streams: Streams, other: NDArray[np.float32]) -> Series:
 
 
 def _places(streams: Streams, errors: dict[str, Series], pads: list[int], axis: int, limit: float) -> Picture:
-    before = errors["before"][:, axis]
+    before = next(iter(errors.values()))[:, axis]
     pad, row, col = largest(before)
     at = f"the worst taxel is ({row}, {col}) of {streams.pad(pad)} with {before.max():.3g} N"
     sizes = [float(np.sqrt(np.mean(error[:, axis] ** 2))) for error in errors.values()]
-    maps = [error[pad, axis] for pad in pads for error in errors.values()]
-    if len(errors) == 1:
-        titles, when = [streams.pad(pad) for pad in pads], ""
-        words = f"Overall {sizes[0]:.3g} N; {at}."
-    else:
-        titles, when = [f"{streams.pad(pad)}, {name}" for pad in pads for name in errors], ", before and after"
+    maps = [(f"{streams.pad(pad)}{when}", error[pad, axis]) for pad in pads for when, error in errors.items()]
+    when, words = "", f"Overall {sizes[0]:.3g} N; {at}."
+    if len(errors) > 1:
+        when = ", before and after"
         words = f"Overall {sizes[0]:.3g} N before and {sizes[1]:.3g} N after; before, {at}."
-    return style.finish(
-        grid_of_maps(streams.layout, maps, titles, 2, limit),
-        f"{AXES[axis]}: RMS error {' → '.join(f'{size:.2g} N' for size in sizes)}",
-        f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad{when}. {words}",
-    )
+    title = f"{AXES[axis]}: RMS error {' → '.join(f'{size:.2g} N' for size in sizes)}"
+    alt = f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad{when}. {words}"
+    return style.finish(grid_of_maps(streams.layout, maps, limit=limit), title, alt)
 
 
 def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Maps = Sequence[tuple[str, np.ndarray]]
 MOST_PADS = 4  # pads drawn; the worst ones if there are more
 _TITLE = {"fontsize": 8.5, "pad": 3}
 
@@ -32,14 +33,10 @@ def taxel_map(effect: Effect) -> list[Picture]:
     streams, member = effect.streams, effect.member
     assert isinstance(member, TaxelGain)
     gains = 100 * (_per_taxel(effect, member.gain) - 1)
-    pads = worst_pads(gains**2)
-    maps, titles = [gains[pad] for pad in pads], [streams.pad(pad) for pad in pads]
-    limit = float(np.abs(maps).max()) or 1.0
-    spread = style.finish(
-        grid_of_maps(streams.layout, maps, titles, 2, limit, signed=True, unit="%"),
-        f"Taxel gains deviate from 1 by {gains.min():+.0f}% to {gains.max():+.0f}%",
-        f"Maps of the fitted gain of each taxel, as deviations from 1: {gains.min():+.1f}% to {gains.max():+.1f}%.",
-    )
+    maps = [(streams.pad(pad), gains[pad]) for pad in worst_pads(gains**2)]
+    title = f"Taxel gains deviate from 1 by {gains.min():+.0f}% to {gains.max():+.0f}%"
+    alt = f"Maps of the fitted gain of each taxel, as deviations from 1: {gains.min():+.1f}% to {gains.max():+.1f}%."
+    spread = style.finish(grid_of_maps(streams.layout, maps, signed=True, unit="%"), title, alt)
     return [spread, force_force(effect, "The most affected taxel")]
 
 
@@ -48,15 +45,12 @@ def silent_map(effect: Effect) -> list[Picture]:
     streams, member = effect.streams, effect.member
     assert isinstance(member, DeadTaxels)
     gone = _per_taxel(effect, np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float))
-    pads = worst_pads(gone)
-    maps, titles = [gone[pad] for pad in pads], [streams.pad(pad) for pad in pads]
+    maps = [(streams.pad(pad), gone[pad]) for pad in worst_pads(gone)]
     count = int(gone.sum())
     names = ", ".join(f"{streams.pad(p)} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
-    where = style.finish(
-        grid_of_maps(streams.layout, maps, titles, 2, 1.0, strip=False),
-        f"{count} taxel{'s do' if count > 1 else ' does'} not respond",
-        f"Maps of the taxels that do not respond: {names}.",
-    )
+    title = f"{count} taxel{'s do' if count > 1 else ' does'} not respond"
+    alt = f"Maps of the taxels that do not respond: {names}."
+    where = style.finish(grid_of_maps(streams.layout, maps, limit=1.0, unit=""), title, alt)
     return [where, _most_affected(effect, "The reading stays constant under load")]
 
 
@@ -105,35 +99,27 @@ def worst_pads(error: np.ndarray) -> list[int]:
 
 
 def grid_of_maps(
-    layout: TaxelLayout,
-    maps: Sequence[np.ndarray],
-    titles: Sequence[str],
-    columns: int,
-    limit: float,
-    *,
-    signed: bool = False,
-    unit: str = " N",
-    strip: bool = True,
+    layout: TaxelLayout, maps: Maps, columns: int = 2, limit: float = 0.0, signed: bool = False, unit: str = " N"
 ) -> Figure:
     """Return a figure of maps that share a colour scale, with the scale below.
 
     Args:
         layout: Layout of the taxels.
-        maps: Values of each map, ``(rows, cols)``.
-        titles: Title of each map.
+        maps: Title and values ``(rows, cols)`` of each map.
         columns: Number of maps per row.
-        limit: Value at full colour.
+        limit: Value at full colour; default: the largest.
         signed: Whether negative values have their own colour.
-        unit: Unit on the scale.
-        strip: Whether to draw the scale.
+        unit: Unit on the scale; without one, no scale is drawn.
     """
+    strip = bool(unit)
+    limit = limit or max(float(np.abs(values).max()) for _, values in maps) or 1.0
     rows = -(-len(maps) // columns)
     width = style.WIDTH / columns - 0.15
     high, wide = layout.size
     height = float(np.clip(width * high / wide, 0.5, 2.2))
     figure = style.blank(rows * (height + 0.32) + (0.5 if strip else 0.1))
     grid = figure.add_gridspec(rows + strip, columns, height_ratios=[height + 0.2] * rows + ([0.12] if strip else []))
-    for number, (values, title) in enumerate(zip(maps, titles, strict=True)):
+    for number, (title, values) in enumerate(maps):
         axes = figure.add_subplot(grid[number // columns, number % columns])
         _draw_map(axes, layout, values, limit, signed)
         axes.set_title(title, **_TITLE)
@@ -199,16 +185,13 @@ def _moved(effect: Effect) -> Picture:
     change = [float(np.sum((effect.model[t] - effect.without[t]) ** 2)) for t in range(span.start, span.stop)]
     at = span.start + int(np.argmax(change))
     kinds = ((effect.without, "simulated"), (streams.measured, "measured"), (effect.model, "corrected"))
-    pads = range(min(len(streams.pads), MOST_PADS))
-    maps = [np.abs(values[at, pad, 2]).astype(float) for pad in pads for values, _ in kinds]
-    titles = [f"{streams.pads[pad]}, {name}" for pad in pads for _, name in kinds]
-    return style.finish(
-        grid_of_maps(streams.layout, maps, titles, 3, float(np.max(maps)) or 1.0),
-        "One contact: simulated, measured, and with the corrected order of taxels",
-        f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode "
-        f"{streams.numbers[number]}: simulated, measured, and simulated with the corrected order, which agrees with "
-        "the measurement.",
-    )
+    pads = list(enumerate(streams.pads))[:MOST_PADS]
+    maps = [(f"{name}, {kind}", np.abs(force[at, pad, 2])) for pad, name in pads for force, kind in kinds]
+    title = "One contact: simulated, measured, and with the corrected order of taxels"
+    alt = f"Maps of the normal force {streams.time[at] - streams.time[span.start]:.1f} s into episode "
+    alt += f"{streams.numbers[number]}: simulated, measured, and simulated with the corrected order, which agrees with "
+    alt += "the measurement."
+    return style.finish(grid_of_maps(streams.layout, maps, columns=3), title, alt)
 
 
 def _added(effect: Effect, number: int) -> Series:
@@ -218,16 +201,12 @@ def _added(effect: Effect, number: int) -> Series:
 
 
 def _zeros(effect: Effect, shift: Series, title: str) -> Picture:
-    channels = [(pad, axis) for pad in worst_pads(shift**2) for axis in range(3)]
-    titles = [f"{effect.streams.pads[pad]}, {AXES[axis]}" for pad, axis in channels]
-    maps = [shift[channel] for channel in channels]
+    streams, pads = effect.streams, worst_pads(shift**2)
+    maps = [(f"{streams.pads[pad]}, {axis}", shift[pad, i]) for pad in pads for i, axis in enumerate(AXES)]
     channel = largest(np.abs(shift))
-    return style.finish(
-        grid_of_maps(effect.streams.layout, maps, titles, 3, float(np.abs(maps).max()) or 1.0, signed=True),
-        title,
-        f"Maps of the fitted {effect.cause.name} of each taxel, by pad and axis. The largest is "
-        f"{shift[channel]:.3g} N at {effect.place(channel)}.",
-    )
+    alt = f"Maps of the fitted {effect.cause.name} of each taxel, by pad and axis. The largest is {shift[channel]:.3g} "
+    alt += f"N at {effect.place(channel)}."
+    return style.finish(grid_of_maps(streams.layout, maps, columns=3, signed=True), title, alt)
 
 
 def _kernel(effect: Effect) -> Picture:
@@ -247,12 +226,10 @@ def _kernel(effect: Effect) -> Picture:
         _arrows(axes, layout, values, most, INK)
         axes.plot(*layout.positions[middle, :2] * 1e3, "o", markersize=9, markerfacecolor="none", color=INK, zorder=5)
         axes.set_title(f"{title} adds up to {most:.2g} N", **_TITLE)
-    return style.finish(
-        figure,
-        "A load on the ringed taxel is read by its neighbours (arrows: shear; colour: normal force)",
-        f"Maps of what {effect.cause.name} adds to the readings for 1 N on taxel ({row}, {col}): normal force up to "
-        f"{np.abs(local[0]).max():.2g} N, shear along x up to {np.abs(local[1]).max():.2g} N on a taxel.",
-    )
+    title = "A load on the ringed taxel is read by its neighbours (arrows: shear; colour: normal force)"
+    alt = f"Maps of what {effect.cause.name} adds to the readings for 1 N on taxel ({row}, {col}): normal force up to "
+    alt += f"{np.abs(local[0]).max():.2g} N, shear along x up to {np.abs(local[1]).max():.2g} N on a taxel."
+    return style.finish(figure, title, alt)
 
 
 def _arrows(axes: Axes, layout: TaxelLayout, shear: Series, longest: float, colour: str) -> None:
@@ -265,12 +242,7 @@ def _arrows(axes: Axes, layout: TaxelLayout, shear: Series, longest: float, colo
 
 def _moment(effect: Effect) -> Picture:
     streams, (pad, axis) = effect.streams, effect.axes[0]
-    added = np.array(
-        [
-            np.sum((model - without) ** 2)
-            for model, without in zip(effect.model[:, pad], effect.without[:, pad], strict=True)
-        ]
-    )
+    added = [float(np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2)) for t in range(len(effect.model))]
     at = int(np.convolve(added, np.ones(5), mode="same").argmax())  # smoothed over five samples
     measured, without, model = (force[max(0, at - 2) : at + 3, pad] for force in effect.forces)
     seen, adds = ((force - without).mean(axis=0, dtype=float) for force in (measured, model))
@@ -286,9 +258,7 @@ def _moment(effect: Effect) -> Picture:
             _draw_map(axes, streams.layout, values[2], most, signed=True)
         axes.set_title(title, **_TITLE)
     what = "in shear (arrows up to {} N; shading: normal force)" if axis < 2 else "of each taxel (full colour: {} N)"
-    return style.finish(
-        figure,
-        f"One moment: deviation {what.format(f'{most:.2g}')}",
-        f"Maps of {streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s: measured force minus force in the "
-        f"model without {effect.cause.name}, and the effect of the cause. The two agree.",
-    )
+    title = f"One moment: deviation {what.format(f'{most:.2g}')}"
+    alt = f"Maps of {streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s: measured force minus force in "
+    alt += f"the model without {effect.cause.name}, and the effect of the cause. The two agree."
+    return style.finish(figure, title, alt)

@@ -13,24 +13,15 @@ from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
+from paxisim.diagnose.report import text
 from paxisim.diagnose.report.curves import axes_mixed, channel_curves, curves, gains, loops, small_forces, steps
 from paxisim.diagnose.report.effect import Effect, effects
 from paxisim.diagnose.report.error import gain_pictures, percent, places, remains, shares, worst_episodes
 from paxisim.diagnose.report.maps import kernel, mapping, silent_map, taxel_map, zero, zero_in_time
 from paxisim.diagnose.report.scene import closing, height_map, mount, slip
 from paxisim.diagnose.report.style import Picture, drawing
-from paxisim.diagnose.report.text import (
-    CONFIDENCE,
-    EXPLAINS,
-    black_box_in_words,
-    fault_in_words,
-    is_of_one_episode,
-    meanings,
-    parameters_in_words,
-    reasons_of,
-)
 from paxisim.diagnose.report.timing import covariate, edges, holds, plain, shift
-from paxisim.diagnose.result import FoundCause, Interval, Result
+from paxisim.diagnose.result import FoundCause, Result
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -96,7 +87,7 @@ def page(diagnosis: Result) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    environment.filters["percent"] = _percent
+    environment.filters["percent"] = percent
     template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(_context(diagnosis))
 
@@ -111,14 +102,14 @@ def head(diagnosis: Result) -> str:
         cells = [("cause", "explains", "confidence", "rivals")]
         for item in diagnosis.causes:
             sure = f"{diagnosis.confidence.get(item.name, 0):.0%}"
-            cells.append((item.name, _percent(item.gain), sure, ", ".join(item.rivals) or "none"))
+            cells.append((item.name, percent(item.gain), sure, ", ".join(item.rivals) or "none"))
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
         lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
     return "\n".join(lines)
 
 
 def _sentence(diagnosis: Result) -> str:
-    return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
+    return ONE_EPISODE_TAIL if text.is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
 def evidence(effect: Effect) -> list[Picture]:
@@ -144,7 +135,7 @@ def _context(diagnosis: Result) -> dict[str, Any]:
             "words": cause(found.name).words if found.name in known_causes() else "",
             "pictures": evidences.get(found.name, []),
             "parameters": _parameters(diagnosis, found),
-            "meanings": meanings(found.parameters),
+            "meanings": text.meanings(found.parameters),
             "confidence": diagnosis.confidence.get(found.name),
         }
         for found in diagnosis.causes
@@ -155,11 +146,11 @@ def _context(diagnosis: Result) -> dict[str, Any]:
         "head": _head(diagnosis),
         "sentence": _sentence(diagnosis),
         "causes": causes,
-        "confidence_in_words": CONFIDENCE,
-        "explains_in_words": EXPLAINS,
-        "beyond_in_words": black_box_in_words(diagnosis.heldout) if extended else "",
+        "confidence_in_words": text.CONFIDENCE,
+        "explains_in_words": text.EXPLAINS,
+        "beyond_in_words": text.black_box_in_words(diagnosis.heldout) if extended else "",
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
-        "reasons": reasons_of(diagnosis),
+        "reasons": text.reasons_of(diagnosis),
         "has_model": bool(list(model)),
         "covariates": model.covariate_names,
         "reads_ahead": _reads_ahead(model),
@@ -170,9 +161,9 @@ def _context(diagnosis: Result) -> dict[str, Any]:
 def _head(diagnosis: Result) -> str:
     names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
     joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
-    head = ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
-    text = head.format(causes=joined, s="s" if len(names) == 1 else "")
-    return text[:1].upper() + text[1:]
+    head = ONE_EPISODE_HEAD if text.is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
+    words = head.format(causes=joined, s="s" if len(names) == 1 else "")
+    return words[:1].upper() + words[1:]
 
 
 def _reads_ahead(model: Chain) -> bool:
@@ -185,13 +176,5 @@ def _reads_ahead(model: Chain) -> bool:
 
 def _parameters(diagnosis: Result, cause: FoundCause) -> list[tuple[str, str]]:
     """Names and values of the parameters as text; long arrays are summarised by their range."""
-    words = fault_in_words(diagnosis, cause.name)
-    return [("fault", words)] if words else parameters_in_words(cause.parameters)
-
-
-def _percent(value: Interval | float) -> str:
-    if not isinstance(value, Interval):
-        return percent(value)
-    if value.low is None or value.high is None:
-        return f"{value.value:.0%}"
-    return f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"
+    words = text.fault_in_words(diagnosis, cause.name)
+    return [("fault", words)] if words else text.parameters_in_words(cause.parameters)

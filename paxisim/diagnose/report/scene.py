@@ -61,10 +61,9 @@ def height_map(effect: Effect) -> list[Picture]:
     heights: dict[str, dict[int, float]] = {}
     for item, value in _numbers(effect).items():
         heights.setdefault(item.target, {})[item.index] = 1e3 * value
-    maps = [surface_of(layout, own) for own in heights.values()]
-    limit = float(np.abs(maps).max()) or 1.0
-    figure = grid_of_maps(layout, maps, list(heights), 2, limit, signed=True, unit=" mm")
-    title = f"The surface rises by up to {float(np.max(maps)):.2f} mm"
+    maps = [(pad, surface_of(layout, own)) for pad, own in heights.items()]
+    figure = grid_of_maps(layout, maps, signed=True, unit=" mm")
+    title = f"The surface rises by up to {max(float(heights.max()) for _, heights in maps):.2f} mm"
     return [style.finish(figure, title, f"{title}; maps of the height of each pad's surface.")]
 
 

@@ -34,13 +34,7 @@ MAX_POINTS = 500  # most points in a line or cloud
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture on the page.
-
-    Attributes:
-        source: SVG as a data URI, for ``img``.
-        title: Caption that says what the picture shows.
-        alt: Alternative text for readers who cannot see it.
-    """
+    """A picture on the page: SVG as a data URI, a caption, and a text for readers who cannot see it."""
 
     source: str
     title: str
@@ -52,35 +46,16 @@ def drawing() -> Iterator[None]:
     """Context with the matplotlib settings of a report; restores the previous settings on exit."""
     from matplotlib import rc_context
 
-    settings: Any = {
-        "font.family": "DejaVu Sans",
-        "font.size": 9.0,
-        "text.parse_math": False,  # names may contain dollar signs
-        "axes.labelsize": 9.0,
-        "xtick.labelsize": 8.0,
-        "ytick.labelsize": 8.0,
-        "legend.fontsize": 8.0,
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "axes.edgecolor": MUTED,
-        "xtick.color": MUTED,
-        "ytick.color": MUTED,
-        "axes.linewidth": 0.7,
-        "axes.facecolor": "none",
-        "figure.facecolor": PAPER,
-        "savefig.facecolor": PAPER,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "grid.color": GRID,
-        "grid.linewidth": 0.6,
-        "axes.axisbelow": True,
-        "legend.frameon": False,
-        "lines.solid_capstyle": "round",
-        "svg.fonttype": "none",
-        "svg.hashsalt": "paxisim",
-        "path.simplify": True,
-    }
+    settings: Any = {"font.family": "DejaVu Sans", "text.parse_math": False}  # names may contain dollar signs
+    settings |= dict.fromkeys(("font.size", "axes.labelsize"), 9.0)
+    settings |= dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8.0)
+    settings |= dict.fromkeys(("text.color", "axes.labelcolor"), INK)
+    settings |= dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), MUTED)
+    settings |= dict.fromkeys(("figure.facecolor", "savefig.facecolor"), PAPER)
+    settings |= {"axes.facecolor": "none", "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False}
+    settings |= {"axes.grid": True, "axes.axisbelow": True, "grid.color": GRID, "grid.linewidth": 0.6}
+    settings |= {"legend.frameon": False, "lines.solid_capstyle": "round", "path.simplify": True}
+    settings |= {"svg.fonttype": "none", "svg.hashsalt": "paxisim"}
     with rc_context(settings):
         yield
 
@@ -117,8 +92,7 @@ def finish(figure: Figure, title: str, alt: str) -> Picture:
 def _svg(figure: Figure) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
+    text = buffer.getvalue()[buffer.getvalue().index("<svg") :]
     for colour, name in _VARIABLES.items():
         text = text.replace(colour, f"var(--{name})")
     text = text.replace("'DejaVu Sans'", "system-ui, sans-serif")

@@ -30,12 +30,10 @@ def plain(effect: Effect) -> list[Picture]:
     place = effect.place(channel)
     label = f"deviation on {AXES[channel[1]]}, N"
     figure, _ = _deviation(t, measured - lacking, model - lacking, name, "time in the episode, s", label)
-    in_time = style.finish(
-        figure,
-        f"Deviation without {name}, and effect of {name}",
-        f"Measured force minus force in the model without {name}, and the effect of {name}, against time, {place}, "
-        f"episode {effect.streams.numbers[number]}.",
-    )
+    title = f"Deviation without {name}, and effect of {name}"
+    alt = f"{effect.deviation}, and the effect of {name}, against time, {place}, episode "
+    alt += f"{effect.streams.numbers[number]}."
+    in_time = style.finish(figure, title, alt)
 
     measured, lacking, model = effect.at(channel)
     adds = model - lacking
@@ -44,12 +42,9 @@ def plain(effect: Effect) -> list[Picture]:
     style.level(axes)
     ends = np.array([adds.min(), adds.max()])
     style.with_cause(axes, ends, ends, name)
-    against = style.finish(
-        figure,
-        f"Measured deviation against the effect of {name}",
-        f"Measured force minus force in the model without {name}, against the effect of {name}, {place}. The points "
-        "scatter around the line of equality.",
-    )
+    title = f"Measured deviation against the effect of {name}"
+    alt = f"{effect.deviation}, against the effect of {name}, {place}. The points scatter around the line of equality."
+    against = style.finish(figure, title, alt)
     return [in_time, against]
 
 
@@ -61,34 +56,32 @@ def holds(effect: Effect) -> list[Picture]:
     t, measured, lacking, model = _in_episode(effect, number, effect.sums(pad, axis))
     place = f"{streams.pad(pad)}, {AXES[axis]}, all taxels, episode {streams.numbers[number]}"
     total = f"mean of the {AXES[axis]} channels, N" if streams.calibrated else f"{AXES[axis]} force on the pad, N"
-    whole = style.finish(
-        _forces(total, t, measured, lacking, model, name),
-        "The reading keeps changing under constant load",
-        f"Measured force against time, and the model with and without {name}, {place}.",
-    )
+    title = "The reading keeps changing under constant load"
+    alt = f"Measured force against time, and the model with and without {name}, {place}."
+    whole = style.finish(_forces(total, t, measured, lacking, model, name), title, alt)
 
     adds = model - lacking
     label = "time in the episode, s (grey: pressed)"
     figure, axes = _deviation(t, measured - lacking, adds, name, label, "deviation, N")
     pressed = (np.abs(lacking) > 0.1 * np.abs(lacking).max()).tolist()
     axes.fill_between(t, 0, 1, where=pressed, transform=axes.get_xaxis_transform(), color=MUTED, alpha=0.13, lw=0)
-    grows = style.finish(
-        figure,
-        "The deviation changes slowly during the hold and decays after release",
-        f"Measured force minus force in the model without {name} against time, {place}. The model with {name} follows "
-        f"it and reaches {np.abs(adds).max():.3g} N.",
-    )
+    title = "The deviation changes slowly during the hold and decays after release"
+    alt = f"{effect.deviation} against time, {place}. The model with {name} follows it and reaches "
+    alt += f"{np.abs(adds).max():.3g} N."
+    grows = style.finish(figure, title, alt)
     return [whole, grows]
 
 
 def trace(effect: Effect, channel: Channel, number: int, title: str) -> Picture:
     """Draw force on a channel over an episode."""
     place = effect.place(channel)
+    title = f"{title} ({place})"
+    alt = f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
+    alt += f"{effect.cause.name}."
     return style.finish(
         _forces(f"{AXES[channel[1]]} force, N", *_in_episode(effect, number, effect.at(channel)), effect.cause.name),
-        f"{title} ({place})",
-        f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
-        f"{effect.cause.name}.",
+        title,
+        alt,
     )
 
 
@@ -183,12 +176,10 @@ def _shift(effect: Effect, lags: Series, errors: Series) -> Picture:
     axes.set_ylim(-0.16 * most, 1.08 * most)
     axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= most])
     pad, axis, _, _ = effect.channel
-    return style.finish(
-        figure,
-        f"The error is smallest when the simulation is shifted by {lag:.0f} ms",
-        f"RMS error of {effect.streams.pad(pad)}, {AXES[axis]}, against the shift of the simulation: "
-        f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {lag:.0f} ms.",
-    )
+    title = f"The error is smallest when the simulation is shifted by {lag:.0f} ms"
+    alt = f"RMS error of {effect.streams.pad(pad)}, {AXES[axis]}, against the shift of the simulation: "
+    alt += f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {lag:.0f} ms."
+    return style.finish(figure, title, alt)
 
 
 def _swings(effect: Effect) -> Picture:
@@ -210,12 +201,10 @@ def _swings(effect: Effect) -> Picture:
     style.points(axes, frequency[seen], measured)
     style.logarithmic(axes, "x", frequency[seen])
     axes.set_ylim(0, max(1.25, min(1.6, float(measured.max(initial=0.0)))))
-    return style.finish(
-        figure,
-        "The gain falls with frequency",
-        f"Gain from simulated to measured force against frequency, {effect.place(effect.channel)}. The measured points "
-        "fall with frequency, like the model with the cause.",
-    )
+    title = "The gain falls with frequency"
+    alt = f"Gain from simulated to measured force against frequency, {effect.place(effect.channel)}. The measured "
+    alt += "points fall with frequency, like the model with the cause."
+    return style.finish(figure, title, alt)
 
 
 def covariate(effect: Effect) -> list[Picture]:
@@ -241,14 +230,13 @@ def _against_covariate(effect: Effect, pad: int, axis: int) -> Picture:
     figure, axes = style.panel(f"{label} (pads unloaded)", f"{AXES[axis]} reading, N per taxel")
     style.cloud(axes, x, seen)
     style.level(axes, middle)
-    style.with_cause(axes, *style.binned(x, adds + middle, bins=60, least=1), effect.cause.name)
+    x, adds_at = style.binned(x, adds + middle, bins=60, least=1)
+    style.with_cause(axes, x, adds_at, effect.cause.name)
     swing, place = float(adds.max() - adds.min()), f"{streams.pad(pad)}, {AXES[axis]}"
-    return style.finish(
-        figure,
-        f"{place}: the reading without contact changes by {swing:.2g} N with {what}",
-        f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
-        f"{effect.cause.name}, which spans {swing:.3g} N.",
-    )
+    title = f"{place}: the reading without contact changes by {swing:.2g} N with {what}"
+    alt = f"Mean reading of {place} at rest against {label}. The points follow the curve of the model with "
+    alt += f"{effect.cause.name}, which spans {swing:.3g} N."
+    return style.finish(figure, title, alt)
 
 
 def zero_against_time(effect: Effect, shift: Series, title: str) -> Picture:
@@ -269,13 +257,12 @@ def zero_against_time(effect: Effect, shift: Series, title: str) -> Picture:
     figure, axes = style.panel("time, min (pads unloaded)", f"{AXES[axis]} reading, N per taxel")
     style.cloud(axes, minutes[frames], seen[frames], faint=True)
     style.level(axes)
-    style.with_cause(axes, *style.thin(minutes, model - lacking), name)
+    at, adds = style.thin(minutes, model - lacking)
+    style.with_cause(axes, at, adds, name)
     rests = [np.flatnonzero(frames[span]) + span.start for span in streams.episodes]
     means = [(minutes[rest].mean(), seen[rest].mean()) for rest in rests if len(rest)]
     style.means(axes, *np.array(means).T)
     place = f"{streams.pad(pad)}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
-    return style.finish(
-        figure,
-        f"{title} ({place})",
-        f"Reading at rest against time, {place}. The episode means lie on the line of the model with {name}.",
-    )
+    title = f"{title} ({place})"
+    alt = f"Reading at rest against time, {place}. The episode means lie on the line of the model with {name}."
+    return style.finish(figure, title, alt)
