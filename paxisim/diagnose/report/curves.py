@@ -17,40 +17,127 @@ _PARTS = 9  # bins per step; odd, so that each multiple lies in the middle of a 
 _WELL = 0.3  # share of the largest effect; episodes and taxels with less are left out of a loop
 
 
-def curves(effect: Effect) -> list[Picture]:
-    """Force against force, and the deviation from the straight line."""
-    return [force_force(effect), _bend(effect)]
+def curves(effect: Effect, near: float = np.inf) -> list[Picture]:
+    """Force against force, and the deviation from the straight line, up to the force `near` (N)."""
+    (pad, axis, _, _), name = effect.channel, effect.cause.name
+    measured, lacking, model = _shown(tuple(force[:, pad, axis].astype(float).ravel() for force in effect.forces), near)
+    seen, adds = measured - lacking, model - lacking
+    figure, axes = style.panel(f"{AXES[axis]} force without {name}, N", "deviation, N", 3.0)
+    style.cloud(axes, lacking, seen, faint=True)
+    x, mean, fitted = style.binned(lacking, seen, adds, bins=24, least=8)
+    style.level(axes)
+    at, curve = _in_order(lacking, adds)
+    if np.abs(np.diff(curve)).sum() > _WINDING * np.ptp(curve):  # it depends on more than this force: draw the mean
+        at, curve = x, fitted
+    style.with_cause(axes, at, curve, name)
+    style.means(axes, x, mean)
+    wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
+    axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))
+    title = "Deviation from the straight line, all taxels"
+    alt = f"{effect.deviation}, against the latter, for all taxels of pad {effect.streams.pads[pad]}, {AXES[axis]}. "
+    alt += f"The means lie on the curve of the model with {name}."
+    return [force_force(effect, near=near), style.finish(figure, title, alt)]
 
 
 def small_forces(effect: Effect) -> list[Picture]:
     """Like `curves`, zoomed in on small forces."""
-    near = max(_NEAR * _in_newtons(effect), 5 * effect.streams.step)
-    return [force_force(effect, near=near), _bend(effect, near)]
+    return curves(effect, near=max(_NEAR * _in_newtons(effect), 5 * effect.streams.step))
 
 
 def gains(effect: Effect) -> list[Picture]:
     """Force against force, and the fitted factors."""
-    return [force_force(effect), _factors(effect)]
+    parameters = effect.cause.parameters
+    figure, axes = style.panel("measured / simulated, with 90% interval", height=0.9 + 0.42 * len(parameters))
+    for place, parameter in enumerate(parameters):
+        value = parameter.value
+        if value.low is not None and value.high is not None:
+            axes.plot([value.low, value.high], [place, place], color=EXTENDED, linewidth=2.2)
+        axes.plot([value.value], [place], "o", color=EXTENDED, markersize=6)
+        style.note(axes, f"{value.value:.3f}", (value.value, place), (0, 7), ha="center")
+    axes.axvline(1, color=SIMULATED, linewidth=1.3, linestyle=style.DASHES)
+    axes.set_yticks(range(len(parameters)), [p.name.removeprefix("gain_") for p in parameters], color=INK)
+    axes.set_ylim(len(parameters) - 0.5, -0.75)
+    axes.margins(x=0.15)
+    words = ", ".join(f"{p.name} {p.value}" for p in parameters)
+    return [
+        force_force(effect),
+        style.finish(figure, "Fitted factors", f"Points with intervals: {words}. 1 has no effect."),
+    ]
 
 
 def channel_curves(effect: Effect) -> list[Picture]:
     """Force against force for one channel, and the deviation of the most affected channels from a straight line."""
-    return [force_force(effect), _bends(effect)]
+    energy, name = effect.energy.sum(axis=0), effect.cause.name
+    order = np.argsort(-energy.ravel(), kind="stable")[: min(_MOST_PANELS, int((energy > 0).sum()))]
+    rows = max(1, -(-len(order) // _COLUMNS))
+    figure = style.blank(0.7 + 1.3 * rows)
+    grid = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, place in zip(grid, order, strict=False):
+        pad, axis, row, col = (int(i) for i in np.unravel_index(place, energy.shape))
+        measured, lacking, model = effect.at((pad, axis, row, col))
+        x, seen, fitted = style.binned(lacking, measured - lacking, model - lacking, bins=16, least=8)
+        style.level(axes)
+        style.with_cause(axes, x, fitted, name)
+        style.means(axes, x, seen, 2.5)
+        axes.set_title(f"{AXES[axis]} ({row}, {col})", fontsize=8, color=MUTED)
+    for axes in grid[len(order) :]:
+        axes.set_axis_off()
+    figure.supxlabel(f"force without {name}, N", fontsize=9)
+    figure.supylabel("deviation, N", fontsize=9)
+    title = f"Deviation from the straight line, the {len(order)} most affected channels"
+    alt = f"{effect.deviation}, against the latter, one panel per channel. The means lie on the curve of the model "
+    alt += f"with {name}."
+    return [force_force(effect), style.finish(figure, title, alt)]
 
 
 def steps(effect: Effect) -> list[Picture]:
     """Histogram of the readings, and measured against expected force near zero."""
     step = _in_newtons(effect)
-    return [_histogram(effect, step), force_force(effect, "A smooth force is read in steps", _NEAR_STEPS * step)]
+    edges = (np.arange(_PARTS * _STEPS + 1) / _PARTS + 0.5) * step
+    middle = (edges[:-1] + edges[1:]) / 2
+    seen, smooth = (np.histogram(values, bins=edges)[0] for values in (effect.streams.measured, effect.without))
+    figure, axes = style.panel(f"reading, N (grey: multiples of {step:.3g} N)", "% of readings", 3.0)
+    for number in range(1, _STEPS + 1):
+        axes.axvspan((number - 0.12) * step, (number + 0.12) * step, color=GRID, linewidth=0)
+    axes.bar(middle, 100 * seen / max(int(seen.sum()), 1), width=0.8 * step / _PARTS, color=MEASURED, label="measured")
+    part = 100 * smooth / max(int(smooth.sum()), 1)
+    axes.step(middle, part, where="mid", color=SIMULATED, linewidth=1.6, label="without")
+    axes.grid(visible=False)
+    title = f"The sensor reads only multiples of {step:.3g} N"
+    alt = f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N. Measured readings fall on multiples of "
+    alt += f"{step:.3g} N; those of the model without rounding spread evenly."
+    near = force_force(effect, "A smooth force is read in steps", _NEAR_STEPS * step)
+    return [style.finish(figure, title, alt), near]
 
 
 def axes_mixed(effect: Effect) -> list[Picture]:
     """The deviation on one axis against the force on another, and the full 3x3 matrix."""
+    from matplotlib.patches import Rectangle
+
     matrices = [_mixing(effect, pad) for pad in range(len(effect.streams.pads))]
     squares = [np.sum(effect.without[s] ** 2, axis=(0, 3, 4), dtype=float) for s in effect.streams.episodes]
     loads = np.sum(squares, axis=0)  # (pads, 3) N^2, energy of the simulated force
     pad, into, source = largest(np.abs(matrices) * (1 - np.eye(3)) * np.sqrt(loads)[:, None, :])
-    return [_leak(effect, pad, into, source, matrices[pad]), _matrix(effect, matrices[pad], pad)]
+    matrix = matrices[pad]
+    leak = _leak(effect, pad, into, source, matrix)
+    figure, axes = style.panel("", height=3.0)
+    change = matrix - np.eye(3)
+    limit = max(float(np.abs(change).max()), 1e-9)
+    rounded = [[f"{round(value, 3) + 0.0:.3f}" for value in row] for row in matrix]
+    for row, col in np.ndindex(3, 3):
+        colour = style.shade(change[row, col], 0.75 * abs(change[row, col]) / limit)
+        axes.add_patch(Rectangle((col - 0.47, row - 0.47), 0.94, 0.94, facecolor=colour, edgecolor="none"))
+        axes.text(col, row, rounded[row][col], ha="center", va="center", fontsize=10)
+    axes.set(xlim=(-0.5, 2.5), ylim=(2.5, -0.5), aspect="equal")
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    axes.set_xticks(range(3), [f"force on {axis}" for axis in AXES], color=INK)
+    axes.set_yticks(range(3), [f"reading on {axis}" for axis in AXES], color=INK)
+    words = "; ".join(", ".join(row) for row in rounded)
+    title = "Coupling matrix (identity without the cause)"
+    alt = f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}."
+    return [leak, style.finish(figure, title, alt)]
 
 
 def loops(effect: Effect) -> list[Picture]:
@@ -87,18 +174,11 @@ def loops(effect: Effect) -> list[Picture]:
     title = f"Deviation from the straight line spans {gap:.2g} N ({where})"
     alt = f"{effect.deviation}, against the latter, {place}. The points lie on a loop that spans {gap:.3g} N; the "
     alt += f"model with {name} follows it."
-    opened = style.finish(figure, title, alt)
-    return [closed, opened]
+    return [closed, style.finish(figure, title, alt)]
 
 
 def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Picture:
-    """Draw measured force on the most affected channel against force in the model without the cause.
-
-    Args:
-        effect: Effect of the cause.
-        title: Title of the picture; default: the description of the cause.
-        near: Largest force shown (N).
-    """
+    """Measured force on the most affected channel against force in the model without the cause, up to `near` (N)."""
     name, axis, place = effect.cause.name, AXES[effect.channel[1]], effect.place(effect.channel)
     title = title or (effect.about.words.removesuffix(".") if effect.about else "") or f"Effect of {name}"
     measured, lacking, model = _shown(effect.at(effect.channel), near)
@@ -133,85 +213,6 @@ def _shown(forces: tuple[Series, ...], near: float) -> tuple[Series, ...]:
 def _in_order(x: Series, y: Series) -> tuple[Series, ...]:
     order = np.argsort(x, kind="stable")
     return style.scattered(x[order], y[order], points=250)
-
-
-def _bend(effect: Effect, near: float = np.inf) -> Picture:
-    (pad, axis, _, _), name = effect.channel, effect.cause.name
-    measured, lacking, model = _shown(tuple(force[:, pad, axis].astype(float).ravel() for force in effect.forces), near)
-    seen, adds = measured - lacking, model - lacking
-    figure, axes = style.panel(f"{AXES[axis]} force without {name}, N", "deviation, N", 3.0)
-    style.cloud(axes, lacking, seen, faint=True)
-    x, mean, fitted = style.binned(lacking, seen, adds, bins=24, least=8)
-    style.level(axes)
-    at, curve = _in_order(lacking, adds)
-    if np.abs(np.diff(curve)).sum() > _WINDING * np.ptp(curve):  # it depends on more than this force: draw the mean
-        at, curve = x, fitted
-    style.with_cause(axes, at, curve, name)
-    style.means(axes, x, mean)
-    wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
-    axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))
-    title = "Deviation from the straight line, all taxels"
-    alt = f"{effect.deviation}, against the latter, for all taxels of pad {effect.streams.pads[pad]}, {AXES[axis]}. "
-    alt += f"The means lie on the curve of the model with {name}."
-    return style.finish(figure, title, alt)
-
-
-def _bends(effect: Effect) -> Picture:
-    energy, name = effect.energy.sum(axis=0), effect.cause.name
-    order = np.argsort(-energy.ravel(), kind="stable")[: min(_MOST_PANELS, int((energy > 0).sum()))]
-    rows = max(1, -(-len(order) // _COLUMNS))
-    figure = style.blank(0.7 + 1.3 * rows)
-    grid = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes, place in zip(grid, order, strict=False):
-        pad, axis, row, col = (int(i) for i in np.unravel_index(place, energy.shape))
-        measured, lacking, model = effect.at((pad, axis, row, col))
-        x, seen, fitted = style.binned(lacking, measured - lacking, model - lacking, bins=16, least=8)
-        style.level(axes)
-        style.with_cause(axes, x, fitted, name)
-        style.means(axes, x, seen, 2.5)
-        axes.set_title(f"{AXES[axis]} ({row}, {col})", fontsize=8, color=MUTED)
-    for axes in grid[len(order) :]:
-        axes.set_axis_off()
-    figure.supxlabel(f"force without {name}, N", fontsize=9)
-    figure.supylabel("deviation, N", fontsize=9)
-    title = f"Deviation from the straight line, the {len(order)} most affected channels"
-    alt = f"{effect.deviation}, against the latter, one panel per channel. The means lie on the curve of the model "
-    alt += f"with {name}."
-    return style.finish(figure, title, alt)
-
-
-def _factors(effect: Effect) -> Picture:
-    parameters = effect.cause.parameters
-    figure, axes = style.panel("measured / simulated, with 90% interval", height=0.9 + 0.42 * len(parameters))
-    for place, parameter in enumerate(parameters):
-        value = parameter.value
-        if value.low is not None and value.high is not None:
-            axes.plot([value.low, value.high], [place, place], color=EXTENDED, linewidth=2.2)
-        axes.plot([value.value], [place], "o", color=EXTENDED, markersize=6)
-        style.note(axes, f"{value.value:.3f}", (value.value, place), (0, 7), ha="center")
-    axes.axvline(1, color=SIMULATED, linewidth=1.3, linestyle=style.DASHES)
-    axes.set_yticks(range(len(parameters)), [p.name.removeprefix("gain_") for p in parameters], color=INK)
-    axes.set_ylim(len(parameters) - 0.5, -0.75)
-    axes.margins(x=0.15)
-    words = ", ".join(f"{p.name} {p.value}" for p in parameters)
-    return style.finish(figure, "Fitted factors", f"Points with intervals: {words}. 1 has no effect.")
-
-
-def _histogram(effect: Effect, step: float) -> Picture:
-    edges = (np.arange(_PARTS * _STEPS + 1) / _PARTS + 0.5) * step
-    middle = (edges[:-1] + edges[1:]) / 2
-    seen, smooth = (np.histogram(values, bins=edges)[0] for values in (effect.streams.measured, effect.without))
-    figure, axes = style.panel(f"reading, N (grey: multiples of {step:.3g} N)", "% of readings", 3.0)
-    for number in range(1, _STEPS + 1):
-        axes.axvspan((number - 0.12) * step, (number + 0.12) * step, color=GRID, linewidth=0)
-    axes.bar(middle, 100 * seen / max(int(seen.sum()), 1), width=0.8 * step / _PARTS, color=MEASURED, label="measured")
-    part = 100 * smooth / max(int(smooth.sum()), 1)
-    axes.step(middle, part, where="mid", color=SIMULATED, linewidth=1.6, label="without")
-    axes.grid(visible=False)
-    title = f"The sensor reads only multiples of {step:.3g} N"
-    alt = f"Histogram of the readings from {edges[0]:.2g} to {edges[-1]:.2g} N. Measured readings fall on multiples of "
-    alt += f"{step:.3g} N; those of the model without rounding spread evenly."
-    return style.finish(figure, title, alt)
 
 
 def _simplest(effect: Effect) -> int:
@@ -258,29 +259,4 @@ def _leak(effect: Effect, pad: int, into: int, source: int, matrix: Series) -> P
     title = f"{AXES[into]} reads {abs(slope):.0%} of the {AXES[source]} force ({name})"
     alt = f"Measured {AXES[into]} force of {name} minus force in the model without {effect.cause.name}, against the "
     alt += f"{AXES[source]} force. The points follow the model's line, whose slope is {slope:.3g}."
-    return style.finish(figure, title, alt)
-
-
-def _matrix(effect: Effect, matrix: Series, pad: int) -> Picture:
-    from matplotlib.patches import Rectangle
-
-    figure, axes = style.panel("", height=3.0)
-    change = matrix - np.eye(3)
-    limit = max(float(np.abs(change).max()), 1e-9)
-    rounded = [[f"{round(value, 3) + 0.0:.3f}" for value in row] for row in matrix]
-    for row, col in np.ndindex(3, 3):
-        colour = style.shade(change[row, col], 0.75 * abs(change[row, col]) / limit)
-        axes.add_patch(Rectangle((col - 0.47, row - 0.47), 0.94, 0.94, facecolor=colour, edgecolor="none"))
-        axes.text(col, row, rounded[row][col], ha="center", va="center", fontsize=10)
-    axes.set_xlim(-0.5, 2.5)
-    axes.set_ylim(2.5, -0.5)
-    axes.set_aspect("equal")
-    axes.grid(visible=False)
-    axes.spines[:].set_visible(False)
-    axes.tick_params(length=0)
-    axes.set_xticks(range(3), [f"force on {axis}" for axis in AXES], color=INK)
-    axes.set_yticks(range(3), [f"reading on {axis}" for axis in AXES], color=INK)
-    words = "; ".join(", ".join(row) for row in rounded)
-    title = "Coupling matrix (identity without the cause)"
-    alt = f"Coupling matrix of {effect.streams.pad(pad)}, rows are readings and columns forces: {words}."
     return style.finish(figure, title, alt)

@@ -58,10 +58,7 @@ class Effect:
 
     @cached_property
     def reduced(self) -> Series:
-        """``(episodes, pads, 3, rows, cols)`` N^2, reduction of the squared error by the cause.
-
-        It is -inf on channels that the cause does not affect.
-        """
+        """``(episodes, pads, 3, rows, cols)`` N^2, cut of the squared error; -inf on channels without an effect."""
         affected = self.energy.sum(axis=0) > 1e-6 * self.energy.sum(axis=0).max()
         less = np.array([np.sum(self.nearer(s), axis=0) for s in self.streams.episodes], dtype=np.float64)
         return np.where(affected, less, -np.inf)
@@ -101,7 +98,8 @@ class Effect:
 
     def place(self, channel: Channel) -> str:
         """Description of a channel, for a title."""
-        return place_of(self.streams, channel)
+        pad, axis, row, col = channel
+        return f"{self.streams.pad(pad)}, taxel ({row}, {col}), {AXES[axis]}"
 
     @property
     def deviation(self) -> str:
@@ -169,24 +167,13 @@ def elapsed(streams: Streams, number: int) -> Series:
     return time - time[0]
 
 
-def interval_of(time: Series) -> float:
-    """Return the typical time between two samples (s)."""
-    return float(np.median(np.diff(time)))
-
-
 def windows(streams: Streams, seconds: float, least: int) -> tuple[float, list[slice]]:
     """Return the sampling interval (s), and the samples of half-overlapping windows for spectra.
 
     A window has at least `least` samples, but is no longer than most episodes; shorter episodes are left out.
     """
-    interval = interval_of(streams.time[streams.episodes[0]])
+    interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
     typical = int(np.median([span.stop - span.start for span in streams.episodes]))
     size = min(typical, max(least, round(seconds / interval)))
     starts = [at for s in streams.episodes for at in range(s.start, s.stop - size + 1, max(1, size // 2))]
     return interval, [slice(start, start + size) for start in starts]
-
-
-def place_of(streams: Streams, channel: Channel) -> str:
-    """Describe a channel, for a title."""
-    pad, axis, row, col = channel
-    return f"{streams.pad(pad)}, taxel ({row}, {col}), {AXES[axis]}"

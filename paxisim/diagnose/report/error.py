@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.report import style
-from paxisim.diagnose.report.effect import Series, elapsed, largest, place_of, windows
+from paxisim.diagnose.report.effect import Series, elapsed, largest, windows
 from paxisim.diagnose.report.maps import grid_of_maps, worst_pads
 from paxisim.diagnose.report.style import AXES, EXTENDED, INK, MEASURED, MUTED, PAPER, SIMULATED, Picture
 from paxisim.diagnose.result import HeldOut, Interval, Place, Result, Streams, Symptoms, pad_in_words
 
+_Model = tuple[str, NDArray[np.float32], str, Any]  # label, force, colour, line style
 _MOST_TICKS = 12  # episodes named below the bars
 _EPISODES = 3  # most episodes drawn
 _SECONDS = 40.0  # longest trace
@@ -23,23 +25,18 @@ _BINS = 12  # force bins
 
 def gain_pictures(diagnosis: Result) -> list[Picture]:
     """Return pictures of the improvement by the extended model."""
-    pictures = [_sizes(diagnosis.heldout, bool(diagnosis.causes))]
-    if diagnosis.causes:
-        pictures.append(_causes(diagnosis))
-        if len(diagnosis.heldout.gain_per_episode) > 1:
-            pictures.append(_episodes(diagnosis))
-    return pictures
+    heldout, extended = diagnosis.heldout, bool(diagnosis.causes)
+    causes = [_causes(diagnosis)] if extended else []
+    episodes = [_episodes(diagnosis)] if extended and len(heldout.gain_per_episode) > 1 else []
+    return [_sizes(heldout, extended), *causes, *episodes]
 
 
 def percent(value: Interval | float) -> str:
     """Format a share in percent with its interval, without meaningless digits for a failing black box."""
-    if isinstance(value, Interval):
-        return (
-            f"{value.value:.0%}"
-            if None in (value.low, value.high)
-            else f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"
-        )
-    return f"{value:.1%}" if value < 10 else "over 1000%"
+    if not isinstance(value, Interval):
+        return f"{value:.1%}" if value < 10 else "over 1000%"
+    interval = "" if value.low is None or value.high is None else f" [{value.low:.0%}, {value.high:.0%}]"
+    return f"{value.value:.0%}{interval}"
 
 
 def _sizes(heldout: HeldOut, extended: bool) -> Picture:
@@ -59,8 +56,7 @@ def _sizes(heldout: HeldOut, extended: bool) -> Picture:
     shift, aligned = (4, "left") if floor < 0.55 * most else (-4, "right")
     style.note(axes, f"noise floor {floor:.1%}", (100 * floor, -0.52), (shift, 3), ha=aligned, fontsize=8)
     style.name_rows(axes, [name for name, _, _ in rows])
-    axes.set_ylim(len(rows) - 0.5, -0.85)
-    axes.set_xlim(0, 136 * most or 1.0)
+    axes.set(ylim=(len(rows) - 0.5, -0.85), xlim=(0, 136 * most or 1.0))
     words = ", ".join(f"{name} {percent(value)}" for name, value, _ in rows)
     where = "Held-out" if len(heldout.gain_per_episode) > 1 else "In-sample"
     becomes = f" → {heldout.nrmse_after:.1%}" if extended else ""
@@ -84,8 +80,7 @@ def _causes(diagnosis: Result) -> Picture:
     most = max(max(cause.gain.value, cause.gain.high or 0.0) for cause in causes)
     least = min(min(cause.gain.value, cause.gain.low or 0.0, 0.0) for cause in causes)
     style.name_rows(axes, [cause.name for cause in causes])
-    axes.set_ylim(len(causes) - 0.5, -0.5)
-    axes.set_xlim(118 * least, max(120 * most, 1.0))
+    axes.set(ylim=(len(causes) - 0.5, -0.5), xlim=(118 * least, max(120 * most, 1.0)))
     words = ", ".join(f"{cause.name} {cause.gain.value:.0%}" for cause in causes)
     title = "Gain of each cause: full model compared with the model without it"
     return style.finish(figure, title, f"Gain of each cause, with intervals: {words}.")
@@ -112,8 +107,12 @@ def _episodes(diagnosis: Result) -> Picture:
 
 def places(streams: Streams, extended: bool = True) -> list[Picture]:
     """Return maps of the error of each taxel, by pad and axis: before and, if there is a model, after."""
-    before = _error(streams, streams.simulated)
-    errors = {", before": before, ", after": _error(streams, streams.extended)} if extended else {"": before}
+    errors = {}
+    for when, other in (("before", streams.simulated), ("after", streams.extended))[: 1 + extended]:
+        # episode by episode, to save memory
+        square = sum(np.sum((streams.measured[s] - other[s]) ** 2, axis=0, dtype=float) for s in streams.episodes)
+        errors[when] = np.sqrt(square / len(streams.time)) * streams.alive
+    before = errors["before"]
     pads = worst_pads(before**2)
     limit = float(before[pads].max())
     if limit == 0:
@@ -122,22 +121,17 @@ def places(streams: Streams, extended: bool = True) -> list[Picture]:
     return [_places(streams, errors, pads, axis, limit) for axis in order]
 
 
-def _error(streams: Streams, other: NDArray[np.float32]) -> Series:
-    """``(pads, 3, rows, cols)`` N, RMS error, accumulated episode by episode to save memory."""
-    square = sum(np.sum((streams.measured[s] - other[s]) ** 2, axis=0, dtype=float) for s in streams.episodes)
-    return np.sqrt(square / len(streams.time)) * streams.alive
-
-
 def _places(streams: Streams, errors: dict[str, Series], pads: list[int], axis: int, limit: float) -> Picture:
-    before = next(iter(errors.values()))[:, axis]
+    before = errors["before"][:, axis]
     pad, row, col = largest(before)
     at = f"the worst taxel is ({row}, {col}) of {streams.pad(pad)} with {before.max():.3g} N"
     sizes = [float(np.sqrt(np.mean(error[:, axis] ** 2))) for error in errors.values()]
-    maps = [(f"{streams.pad(pad)}{when}", error[pad, axis]) for pad in pads for when, error in errors.items()]
-    when, words = "", f"Overall {sizes[0]:.3g} N; {at}."
+    names, when, words = [""], "", f"Overall {sizes[0]:.3g} N; {at}."
     if len(errors) > 1:
-        when = ", before and after"
+        names, when = [f", {name}" for name in errors], ", before and after"
         words = f"Overall {sizes[0]:.3g} N before and {sizes[1]:.3g} N after; before, {at}."
+    shown = list(zip(names, errors.values(), strict=True))
+    maps = [(f"{streams.pad(pad)}{name}", error[pad, axis]) for pad in pads for name, error in shown]
     title = f"{AXES[axis]}: RMS error {' → '.join(f'{size:.2g} N' for size in sizes)}"
     alt = f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad{when}. {words}"
     return style.finish(grid_of_maps(streams.layout, maps, limit=limit), title, alt)
@@ -152,28 +146,26 @@ def worst_episodes(streams: Streams, extended: bool = True) -> list[Picture]:
 
 
 def _trace(streams: Streams, number: int, energy: Series, with_model: bool) -> Picture:
-    channel = largest(energy)
-    where = (streams.episodes[number], *channel)
+    pad, axis, row, col = largest(energy)
+    where = (streams.episodes[number], pad, axis, row, col)
     time, measured = elapsed(streams, number), streams.measured[where]
-    kinds = [("simulated", streams.simulated[where], SIMULATED, style.DASHES)]
-    if with_model:
-        kinds.append(("extended", streams.extended[where], EXTENDED, "-"))
-    errors = [float(np.sqrt(np.mean((measured - force) ** 2))) for _, force, _, _ in kinds]
-    near = _near_worst(time, measured - kinds[0][1])
+    models = _models(streams, with_model, style.DASHES)
+    errors = [float(np.sqrt(np.mean((measured - force[where]) ** 2))) for _, force, _, _ in models]
+    near = _near_worst(time, measured - streams.simulated[where])
 
     figure = style.blank(3.1)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.3, 1])
     above.plot(*style.thin(time[near], measured[near]), color=MEASURED, linewidth=2.4, label="measured")
-    for label, force, colour, line in kinds:
-        t, f, m = style.thin(time[near], force[near], measured[near])
+    for label, force, colour, line in models:
+        t, f, m = style.thin(time[near], force[where][near], measured[near])
         above.plot(t, f, color=colour, linewidth=1.3, linestyle=line, label=label)
         below.plot(t, f - m, color=colour, linewidth=1.1)
-    above.set_ylabel(f"{AXES[channel[1]]} force, N")
+    above.set_ylabel(f"{AXES[axis]} force, N")
     below.axhline(0, color=MUTED, linewidth=0.7)
     below.set(xlabel="time in the episode, s", ylabel="error, N")
     figure.align_ylabels()
 
-    place, episode = place_of(streams, channel), streams.numbers[number]
+    episode, place = streams.numbers[number], f"{streams.pad(pad)}, taxel ({row}, {col}), {AXES[axis]}"
     title = f"Episode {episode}, {place}: error {' → '.join(f'{error:.2g} N' for error in errors)}"
     traces, said = "measured and simulated force, and the error", f"{errors[0]:.3g} N"
     if with_model:
@@ -182,6 +174,11 @@ def _trace(streams: Streams, number: int, energy: Series, with_model: bool) -> P
     return style.finish(
         figure, title, f"Traces of {place} in episode {episode}: {traces} below. The RMS error is {said}."
     )
+
+
+def _models(streams: Streams, extended: bool, dashes: Any) -> list[_Model]:
+    simulated = ("simulated", streams.simulated, SIMULATED, dashes)
+    return [simulated, ("extended", streams.extended, EXTENDED, "-")] if extended else [simulated]
 
 
 def _near_worst(time: Series, error: NDArray[np.float32]) -> slice:
@@ -225,16 +222,14 @@ def _shares(name: str, groups: Sequence[Sequence[Place]], extended: bool) -> Pic
 
 def remains(streams: Streams, extended: bool) -> list[Picture]:
     """Return the residual of the simulation and, if there is one, of the extended model, by frequency and by force."""
-    kinds = [(streams.simulated, SIMULATED, "simulated", style.DASHES if extended else "-")]
-    if extended:
-        kinds.append((streams.extended, EXTENDED, "extended", "-"))
-    return [_frequencies(streams, kinds), _forces(streams, kinds)]
+    models = _models(streams, extended, style.DASHES if extended else "-")
+    return [_frequencies(streams, models), _forces(streams, models)]
 
 
-def _frequencies(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped-def]
+def _frequencies(streams: Streams, models: list[_Model]) -> Picture:
     figure, axes = style.panel("frequency, Hz", "residual, N per √Hz")
     frequency, size, sizes = np.zeros(0), np.zeros(0), []
-    for other, colour, label, line in kinds:
+    for label, other, colour, line in models:
         frequency, size = _spectrum(streams, other)
         sizes.append(size)
         axes.plot(frequency, size, color=colour, linewidth=1.5, linestyle=line, label=label)
@@ -261,10 +256,10 @@ def _spectrum(streams: Streams, other: NDArray[np.float32]) -> tuple[Series, Ser
     return np.fft.rfftfreq(length, interval)[1:], np.sqrt(np.maximum(density[1:], 1e-18))
 
 
-def _forces(streams: Streams, kinds) -> Picture:  # type: ignore[no-untyped-def]
+def _forces(streams: Streams, models: list[_Model]) -> Picture:
     peak = max(streams.peak, 1e-9)
     figure, axes = style.panel("force on the taxel, N", "RMS residual of the taxel, N")
-    for other, colour, label, line in kinds:
+    for label, other, colour, line in models:
         square, count = np.zeros(_BINS), np.zeros(_BINS)
         for span in streams.episodes:
             force = np.linalg.norm(streams.simulated[span], axis=2)

@@ -90,7 +90,27 @@ def zero_in_time(effect: Effect) -> list[Picture]:
 
 def kernel(effect: Effect) -> list[Picture]:
     """What a load on one taxel adds to the readings of all, and maps of one moment."""
-    return [_kernel(effect), _moment(effect)]
+    streams, (pad, axis) = effect.streams, effect.axes[0]
+    added = [float(np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2)) for t in range(len(effect.model))]
+    at = int(np.convolve(added, np.ones(5), mode="same").argmax())  # smoothed over five samples
+    measured, without, model = (force[max(0, at - 2) : at + 3, pad] for force in effect.forces)
+    seen, adds = ((force - without).mean(axis=0, dtype=float) for force in (measured, model))
+    load = without[:, 2].mean(axis=0, dtype=float)
+    figure = style.blank(2.65)
+    kinds = ((seen, "measured deviation", MEASURED), (adds, f"{effect.cause.name} adds", EXTENDED))
+    most = float(np.abs(adds[:2] if axis < 2 else adds[2]).max()) or 1.0
+    for axes, (values, title, colour) in zip(figure.subplots(1, 2), kinds, strict=True):
+        if axis < 2:
+            _draw_map(axes, streams.layout, load, 1.25 * float(np.abs(load).max() or 1.0))
+            _arrows(axes, streams.layout, values, max(most, float(np.abs(seen[:2]).max())), colour)
+        else:
+            _draw_map(axes, streams.layout, values[2], most, signed=True)
+        axes.set_title(title, **_TITLE)
+    what = "in shear (arrows up to {} N; shading: normal force)" if axis < 2 else "of each taxel (full colour: {} N)"
+    title = f"One moment: deviation {what.format(f'{most:.2g}')}"
+    alt = f"Maps of {streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s: measured force minus force in "
+    alt += f"the model without {effect.cause.name}, and the effect of the cause. The two agree."
+    return [_kernel(effect), style.finish(figure, title, alt)]
 
 
 def worst_pads(error: np.ndarray) -> list[int]:
@@ -146,8 +166,7 @@ def _draw_map(axes: Axes, layout: TaxelLayout, values: np.ndarray, limit: float,
         boxstyle=f"round,pad={0.12 * min(wide, high)}", facecolor="none", edgecolor=MUTED, linewidth=0.8,
     )  # fmt: skip
     axes.add_patch(frame)
-    axes.set_xlim(low[0] - 0.75 * wide, top[0] + 0.75 * wide)
-    axes.set_ylim(top[1] + 0.75 * high, low[1] - 0.75 * high)
+    axes.set(xlim=(low[0] - 0.75 * wide, top[0] + 0.75 * wide), ylim=(top[1] + 0.75 * high, low[1] - 0.75 * high))
     axes.set_aspect("equal")
     axes.set_axis_off()
 
@@ -238,27 +257,3 @@ def _arrows(axes: Axes, layout: TaxelLayout, shear: Series, longest: float, colo
         scale=longest / (0.85e3 * min(layout.pitch)), width=0.014, zorder=4, clip_on=False, color=colour,
     )  # fmt: skip
     arrows.set_in_layout(False)
-
-
-def _moment(effect: Effect) -> Picture:
-    streams, (pad, axis) = effect.streams, effect.axes[0]
-    added = [float(np.sum((effect.model[t, pad] - effect.without[t, pad]) ** 2)) for t in range(len(effect.model))]
-    at = int(np.convolve(added, np.ones(5), mode="same").argmax())  # smoothed over five samples
-    measured, without, model = (force[max(0, at - 2) : at + 3, pad] for force in effect.forces)
-    seen, adds = ((force - without).mean(axis=0, dtype=float) for force in (measured, model))
-    load = without[:, 2].mean(axis=0, dtype=float)
-    figure = style.blank(2.65)
-    kinds = ((seen, "measured deviation", MEASURED), (adds, f"{effect.cause.name} adds", EXTENDED))
-    most = float(np.abs(adds[:2] if axis < 2 else adds[2]).max()) or 1.0
-    for axes, (values, title, colour) in zip(figure.subplots(1, 2), kinds, strict=True):
-        if axis < 2:
-            _draw_map(axes, streams.layout, load, 1.25 * float(np.abs(load).max() or 1.0))
-            _arrows(axes, streams.layout, values, max(most, float(np.abs(seen[:2]).max())), colour)
-        else:
-            _draw_map(axes, streams.layout, values[2], most, signed=True)
-        axes.set_title(title, **_TITLE)
-    what = "in shear (arrows up to {} N; shading: normal force)" if axis < 2 else "of each taxel (full colour: {} N)"
-    title = f"One moment: deviation {what.format(f'{most:.2g}')}"
-    alt = f"Maps of {streams.pad(pad)} at {streams.time[at] - streams.time[0]:.1f} s: measured force minus force in "
-    alt += f"the model without {effect.cause.name}, and the effect of the cause. The two agree."
-    return style.finish(figure, title, alt)

@@ -21,7 +21,7 @@ from paxisim.diagnose.report.maps import kernel, mapping, silent_map, taxel_map,
 from paxisim.diagnose.report.scene import closing, height_map, mount, slip
 from paxisim.diagnose.report.style import Picture, drawing
 from paxisim.diagnose.report.timing import covariate, edges, holds, plain, shift
-from paxisim.diagnose.result import FoundCause, Result
+from paxisim.diagnose.result import Result
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -94,8 +94,8 @@ def page(diagnosis: Result) -> str:
 
 def head(diagnosis: Result) -> str:
     """Return the head of the report as HTML: the verdict, and the causes with their gains."""
-    sentence, figures = _sentence(diagnosis), diagnosis.heldout
-    lines = [f"<h4>{escape(_head(diagnosis))}</h4>", f"<p>{escape(sentence)}</p>"]
+    figures = diagnosis.heldout
+    lines = [f"<h4>{escape(_title(diagnosis))}</h4>", f"<p>{escape(_sentence(diagnosis))}</p>"]
     if diagnosis.causes:
         error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
         lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
@@ -106,10 +106,6 @@ def head(diagnosis: Result) -> str:
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
         lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
     return "\n".join(lines)
-
-
-def _sentence(diagnosis: Result) -> str:
-    return ONE_EPISODE_TAIL if text.is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
 def evidence(effect: Effect) -> list[Picture]:
@@ -134,16 +130,16 @@ def _context(diagnosis: Result) -> dict[str, Any]:
             # the description of a cause, which may no longer be registered
             "words": cause(found.name).words if found.name in known_causes() else "",
             "pictures": evidences.get(found.name, []),
-            "parameters": _parameters(diagnosis, found),
+            "parameters": [("fault", words)] if words else text.parameters_in_words(found.parameters),
             "meanings": text.meanings(found.parameters),
             "confidence": diagnosis.confidence.get(found.name),
         }
-        for found in diagnosis.causes
+        for found, words in ((each, text.fault_in_words(diagnosis, each.name)) for each in diagnosis.causes)
     ]
     return {
         **pictures,
         "diagnosis": diagnosis,
-        "head": _head(diagnosis),
+        "head": _title(diagnosis),
         "sentence": _sentence(diagnosis),
         "causes": causes,
         "confidence_in_words": text.CONFIDENCE,
@@ -158,12 +154,16 @@ def _context(diagnosis: Result) -> dict[str, Any]:
     }
 
 
-def _head(diagnosis: Result) -> str:
+def _title(diagnosis: Result) -> str:
     names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
-    joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
-    head = ONE_EPISODE_HEAD if text.is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
-    words = head.format(causes=joined, s="s" if len(names) == 1 else "")
+    joined = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
+    words = ONE_EPISODE_HEAD if text.is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
+    words = words.format(causes=joined, s="s" if len(names) == 1 else "")
     return words[:1].upper() + words[1:]
+
+
+def _sentence(diagnosis: Result) -> str:
+    return ONE_EPISODE_TAIL if text.is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
 def _reads_ahead(model: Chain) -> bool:
@@ -172,9 +172,3 @@ def _reads_ahead(model: Chain) -> bool:
         _reads_ahead(member) if isinstance(member, Chain) else isinstance(member, Latency) and np.min(member.delay) < 0
         for member in model
     )
-
-
-def _parameters(diagnosis: Result, cause: FoundCause) -> list[tuple[str, str]]:
-    """Names and values of the parameters as text; long arrays are summarised by their range."""
-    words = text.fault_in_words(diagnosis, cause.name)
-    return [("fault", words)] if words else text.parameters_in_words(cause.parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim.diagnose.report import style
-from paxisim.diagnose.report.effect import Effect, Series
+from paxisim.diagnose.report.effect import Effect
 from paxisim.diagnose.report.maps import grid_of_maps
 from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, MUTED, SIMULATED, Picture
 from paxisim.scene.parameters import SceneParameter
@@ -18,7 +18,8 @@ _EXAGGERATED = 0.25  # largest size of a displacement in the drawing, as a share
 def slip(effect: Effect) -> list[Picture]:
     """Shear against normal force; their largest ratio is the friction coefficient."""
     pad = effect.axes[0][0]
-    forces = [_resultants(force[:, pad]) for force in effect.forces]
+    totals = [force[:, pad].sum(axis=(2, 3), dtype=float) for force in effect.forces]
+    forces = [(np.hypot(total[:, 0], total[:, 1]), np.maximum(total[:, 2], 1e-9)) for total in totals]
     pressed = forces[0][1] > _SLIDES * forces[0][1].max()
     figure, axes = style.panel(f"normal force on {effect.streams.pad(pad)}, N", "shear, N", 3.0)
     for (shear, normal), (colour, label) in zip(forces, _looks(effect), strict=True):
@@ -48,20 +49,14 @@ def closing(effect: Effect) -> list[Picture]:
 
 def mount(effect: Effect) -> list[Picture]:
     """Fitted place of each pad or object, with its displacement magnified."""
-    numbers = _numbers(effect)
-    places: dict[str, dict[SceneParameter, float]] = {}
-    for item, value in numbers.items():
-        places.setdefault(item.target, {})[item] = value
-    return [_displaced(effect, target, own) for target, own in places.items()]
+    return [_displaced(effect, target, own) for target, own in _numbers(effect).items()]
 
 
 def height_map(effect: Effect) -> list[Picture]:
     """Maps of the fitted surface of each pad."""
-    layout = effect.streams.layout
-    heights: dict[str, dict[int, float]] = {}
-    for item, value in _numbers(effect).items():
-        heights.setdefault(item.target, {})[item.index] = 1e3 * value
-    maps = [(pad, surface_of(layout, own)) for pad, own in heights.items()]
+    layout, maps = effect.streams.layout, []
+    for pad, own in _numbers(effect).items():
+        maps.append((pad, surface_of(layout, {item.index: 1e3 * value for item, value in own.items()})))
     figure = grid_of_maps(layout, maps, signed=True, unit=" mm")
     title = f"The surface rises by up to {max(float(heights.max()) for _, heights in maps):.2f} mm"
     return [style.finish(figure, title, f"{title}; maps of the height of each pad's surface.")]
@@ -90,8 +85,8 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
             axes.plot(*ends.T, color=SIMULATED, linestyle=line, linewidth=1.0, label=f"{angle:+.2g}° about {axis}")
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
-    said = [f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()]
-    parts = ", ".join(f"{item.name} {text}" for item, text in zip(own, said, strict=True))
+    values = {i.name: f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()}
+    parts = ", ".join(f"{name} {value}" for name, value in values.items())
     return style.finish(figure, f"Place of {target}", f"{target} is displaced: {parts}.")
 
 
@@ -100,15 +95,12 @@ def _looks(effect: Effect) -> tuple[tuple[str, str], ...]:
     return (MEASURED, "measured"), (SIMULATED, "unchanged scene"), (EXTENDED, f"with {effect.cause.name}")
 
 
-def _numbers(effect: Effect) -> dict[SceneParameter, float]:
-    """Return the cause's numbers of the scene with their fitted values."""
+def _numbers(effect: Effect) -> dict[str, dict[SceneParameter, float]]:
+    """Return the cause's numbers of the scene with their fitted values, by pad or object."""
     inside = effect.streams.in_scene
     assert inside is not None
-    own = {item: inside.values[name] for name, item in inside.parameters.items() if name in inside.values}
-    return {item: value for item, value in own.items() if item.group == effect.cause.name}
-
-
-def _resultants(force: np.ndarray) -> tuple[Series, Series]:
-    """``(T,)`` shear and normal force on a pad (N)."""
-    total = force.sum(axis=(2, 3), dtype=float)
-    return np.hypot(total[:, 0], total[:, 1]), np.maximum(total[:, 2], 1e-9)
+    numbers: dict[str, dict[SceneParameter, float]] = {}
+    for name, item in inside.parameters.items():
+        if name in inside.values and item.group == effect.cause.name:
+            numbers.setdefault(item.target, {})[item] = inside.values[name]
+    return numbers

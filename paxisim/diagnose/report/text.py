@@ -15,7 +15,7 @@ from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.report.effect import unwrapped
 from paxisim.diagnose.report.style import AXES
-from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Result, Symptoms, Verdict, pad_in_words
+from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, Verdict, pad_in_words
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array, or taxels of a pad, listed one by one
@@ -91,16 +91,11 @@ def _table(diagnosis: Result) -> list[str]:
         for part in cause.parts:
             own = [p for p in cause.parameters if p.name in part.parameters]
             lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent}; {_listed(own)}")
-        rest = outside_parts(cause)
+        in_parts = {name for part in cause.parts for name in part.parameters}
+        rest = [p for p in cause.parameters if p.name not in in_parts]
         explained = (f"({name}: {words})" for name, words in meanings(rest))
         lines += _wrap("  ", fault_in_words(diagnosis, cause.name) or _listed(rest), *explained, cause.evidence)
     return [*lines, "", *_wrap("", EXPLAINS, CONFIDENCE)]
-
-
-def outside_parts(cause: FoundCause) -> list[FittedParameter]:
-    """Return the parameters of a cause that belong to none of its parts."""
-    in_parts = {name for part in cause.parts for name in part.parameters}
-    return [p for p in cause.parameters if p.name not in in_parts]
 
 
 def _listed(parameters: Sequence[FittedParameter]) -> str:
@@ -170,12 +165,7 @@ def _places(symptoms: Symptoms, extended: bool) -> list[str]:
 
 
 def fault_in_words(diagnosis: Result, name: str) -> str:
-    """Describe a layout fault, swapped taxels or dead taxels; empty for other causes.
-
-    Args:
-        diagnosis: Result with the model and the names of the pads.
-        name: Name of the cause.
-    """
+    """Describe a layout fault, swapped taxels or dead taxels; empty for other causes."""
     member = unwrapped(diagnosis.model[name]) if name in diagnosis.model.names else None
     pads = [place.where for place in diagnosis.symptoms.pads]
     words: list[str] = []

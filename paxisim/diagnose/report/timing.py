@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,11 +11,10 @@ from scipy.interpolate import CubicSpline
 
 from paxisim.diagnose.explain.followed import followed
 from paxisim.diagnose.report import style
-from paxisim.diagnose.report.effect import Channel, Effect, Series, elapsed, interval_of, largest, windows
+from paxisim.diagnose.report.effect import Channel, Effect, Series, elapsed, largest, windows
 from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, MUTED, SIMULATED, Picture
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _EDGE = 12.0  # duration shown around an edge, in units of the delay
@@ -28,8 +28,10 @@ def plain(effect: Effect) -> list[Picture]:
     number = effect.most_affected(*channel)[0]
     t, measured, lacking, model = _in_episode(effect, number, effect.at(channel))
     place = effect.place(channel)
-    label = f"deviation on {AXES[channel[1]]}, N"
-    figure, _ = _deviation(t, measured - lacking, model - lacking, name, "time in the episode, s", label)
+    figure, axes = style.panel("time in the episode, s", f"deviation on {AXES[channel[1]]}, N")
+    style.level(axes)
+    style.cloud(axes, t, measured - lacking)
+    style.with_cause(axes, t, model - lacking, name)
     title = f"Deviation without {name}, and effect of {name}"
     alt = f"{effect.deviation}, and the effect of {name}, against time, {place}, episode "
     alt += f"{effect.streams.numbers[number]}."
@@ -44,8 +46,7 @@ def plain(effect: Effect) -> list[Picture]:
     style.with_cause(axes, ends, ends, name)
     title = f"Measured deviation against the effect of {name}"
     alt = f"{effect.deviation}, against the effect of {name}, {place}. The points scatter around the line of equality."
-    against = style.finish(figure, title, alt)
-    return [in_time, against]
+    return [in_time, style.finish(figure, title, alt)]
 
 
 def holds(effect: Effect) -> list[Picture]:
@@ -58,18 +59,18 @@ def holds(effect: Effect) -> list[Picture]:
     total = f"mean of the {AXES[axis]} channels, N" if streams.calibrated else f"{AXES[axis]} force on the pad, N"
     title = "The reading keeps changing under constant load"
     alt = f"Measured force against time, and the model with and without {name}, {place}."
-    whole = style.finish(_forces(total, t, measured, lacking, model, name), title, alt)
+    whole = style.finish(_forces(effect, total, t, (measured, lacking, model)), title, alt)
 
-    adds = model - lacking
-    label = "time in the episode, s (grey: pressed)"
-    figure, axes = _deviation(t, measured - lacking, adds, name, label, "deviation, N")
+    figure, axes = style.panel("time in the episode, s (grey: pressed)", "deviation, N")
+    style.level(axes)
+    style.cloud(axes, t, measured - lacking)
+    style.with_cause(axes, t, model - lacking, name)
     pressed = (np.abs(lacking) > 0.1 * np.abs(lacking).max()).tolist()
     axes.fill_between(t, 0, 1, where=pressed, transform=axes.get_xaxis_transform(), color=MUTED, alpha=0.13, lw=0)
     title = "The deviation changes slowly during the hold and decays after release"
     alt = f"{effect.deviation} against time, {place}. The model with {name} follows it and reaches "
-    alt += f"{np.abs(adds).max():.3g} N."
-    grows = style.finish(figure, title, alt)
-    return [whole, grows]
+    alt += f"{np.abs(model - lacking).max():.3g} N."
+    return [whole, style.finish(figure, title, alt)]
 
 
 def trace(effect: Effect, channel: Channel, number: int, title: str) -> Picture:
@@ -78,11 +79,9 @@ def trace(effect: Effect, channel: Channel, number: int, title: str) -> Picture:
     title = f"{title} ({place})"
     alt = f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
     alt += f"{effect.cause.name}."
-    return style.finish(
-        _forces(f"{AXES[channel[1]]} force, N", *_in_episode(effect, number, effect.at(channel)), effect.cause.name),
-        title,
-        alt,
-    )
+    time, *forces = _in_episode(effect, number, effect.at(channel))
+    figure = _forces(effect, f"{AXES[channel[1]]} force, N", time, forces)
+    return style.finish(figure, title, alt)
 
 
 def _in_episode(effect: Effect, number: int, forces: tuple[Series, ...]) -> tuple[Series, ...]:
@@ -90,80 +89,17 @@ def _in_episode(effect: Effect, number: int, forces: tuple[Series, ...]) -> tupl
     return style.thin(elapsed(effect.streams, number), *(force[effect.streams.episodes[number]] for force in forces))
 
 
-def _forces(label: str, time: Series, measured: Series, lacking: Series, model: Series, name: str) -> Figure:
+def _forces(effect: Effect, label: str, time: Series, forces: Sequence[Series]) -> Figure:
     figure, axes = style.panel("time in the episode, s", label)
-    axes.plot(time, measured, color=MEASURED, linewidth=2.5, label="measured")
-    style.without(axes, time, lacking)
-    style.with_cause(axes, time, model, name, 1.4)
+    axes.plot(time, forces[0], color=MEASURED, linewidth=2.5, label="measured")
+    style.without(axes, time, forces[1])
+    style.with_cause(axes, time, forces[2], effect.cause.name, 1.4)
     return figure
-
-
-def _deviation(time: Series, seen: Series, adds: Series, name: str, x: str, y: str) -> tuple[Figure, Axes]:
-    figure, axes = style.panel(x, y)
-    style.level(axes)
-    style.cloud(axes, time, seen)
-    style.with_cause(axes, time, adds, name)
-    return figure, axes
 
 
 def shift(effect: Effect) -> list[Picture]:
     """Force at the edge that shows the cause best, and the error against the shift between the streams."""
     lags, errors = _shifted(effect)
-    late = float(lags[errors.argmin()]) > 0
-    title = f"The measurement {'lags behind' if late else 'leads'} the simulation"
-    return [_edge(effect, lags, errors, title), _shift(effect, lags, errors)]
-
-
-def edges(effect: Effect) -> list[Picture]:
-    """Force at the edge that shows the cause best, and the gain from simulation to measurement against frequency."""
-    return [_edge(effect, *_shifted(effect), "Fast edges are smoothed"), _swings(effect)]
-
-
-def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
-    channel, name = effect.channel, effect.cause.name
-    number = int(effect.reduced[(slice(None), *channel)].argmax())
-    span, time = effect.streams.episodes[number], elapsed(effect.streams, number)
-    measured, lacking, model = (force[span] for force in effect.at(channel))
-    interval = interval_of(time)
-    half = float(np.clip(_EDGE * abs(float(lags[errors.argmin()])) / 2, 10 * interval, 1.5))
-    nearer = np.convolve(effect.nearer((span, *channel)), np.ones(max(1, round(half / interval))), "same")
-    middle = float(np.clip(time[nearer.argmax()], time[0] + half, time[-1] - half))
-    near = np.abs(time - middle) <= half
-    figure, axes = style.panel("time in the episode, s", f"{AXES[channel[1]]} force, N")
-    style.without(axes, time[near], lacking[near])
-    style.with_cause(axes, time[near], model[near], name)
-    style.points(axes, time[near], measured[near])
-    place = f"{effect.place(channel)}, episode {effect.streams.numbers[number]}"
-    alt = f"Force at a fast edge on {place}. The measured points lie on the model with {name}."
-    return style.finish(figure, title, alt)
-
-
-def _shifted(effect: Effect) -> tuple[Series, Series]:
-    """Return lags (s), and the RMS error (N) on a pad and axis of the model without the cause shifted by each lag."""
-    streams, (pad, axis, _, _) = effect.streams, effect.channel
-    interval = interval_of(streams.time[streams.episodes[0]])
-    parts = []
-    for span in (streams.episodes[number] for number in effect.most_affected(pad, axis)[:_MOST]):
-        time = streams.time[span]
-        fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs increasing times
-        curve = CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0)
-        parts.append((time, curve, streams.measured[span, pad, axis]))
-
-    def left(lags: Series) -> Series:
-        squares = np.zeros(len(lags))
-        for time, curve, measured in parts:
-            for place, lag in enumerate(lags):
-                squares[place] += np.sum((measured - curve(np.clip(time - lag, time[0], time[-1]))) ** 2)
-        return np.sqrt(squares / sum(measured.size for _, _, measured in parts))
-
-    coarse = np.linspace(-1, 1, 41) * max(0.2, 8 * interval)
-    best = int(np.clip(left(coarse).argmin(), 1, len(coarse) - 2))
-    fine = np.linspace(coarse[best - 1], coarse[best + 1], 21)[1:-1]
-    lags = np.unique(np.concatenate([coarse, fine]))
-    return lags, left(lags)
-
-
-def _shift(effect: Effect, lags: Series, errors: Series) -> Picture:
     best, none = int(errors.argmin()), int(np.abs(lags).argmin())
     lag, most = 1e3 * lags[best], float(errors.max())
     figure, axes = style.panel("shift of the simulation, ms", "error, N")
@@ -179,11 +115,13 @@ def _shift(effect: Effect, lags: Series, errors: Series) -> Picture:
     title = f"The error is smallest when the simulation is shifted by {lag:.0f} ms"
     alt = f"RMS error of {effect.streams.pad(pad)}, {AXES[axis]}, against the shift of the simulation: "
     alt += f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {lag:.0f} ms."
-    return style.finish(figure, title, alt)
+    side = "lags behind" if lag > 0 else "leads"
+    edge = _edge(effect, lags, errors, f"The measurement {side} the simulation")
+    return [edge, style.finish(figure, title, alt)]
 
 
-def _swings(effect: Effect) -> Picture:
-    """Gain from the model without the cause to the measurement, against frequency."""
+def edges(effect: Effect) -> list[Picture]:
+    """Force at the edge that shows the cause best, and the gain from simulation to measurement against frequency."""
     interval, spans = windows(effect.streams, seconds=4.0, least=16)
     size = spans[0].stop - spans[0].start
     cross, own = np.zeros((2, size // 2 + 1), dtype=complex), np.zeros(size // 2 + 1)
@@ -204,7 +142,52 @@ def _swings(effect: Effect) -> Picture:
     title = "The gain falls with frequency"
     alt = f"Gain from simulated to measured force against frequency, {effect.place(effect.channel)}. The measured "
     alt += "points fall with frequency, like the model with the cause."
+    edge = _edge(effect, *_shifted(effect), "Fast edges are smoothed")
+    return [edge, style.finish(figure, title, alt)]
+
+
+def _edge(effect: Effect, lags: Series, errors: Series, title: str) -> Picture:
+    channel, name = effect.channel, effect.cause.name
+    number = int(effect.reduced[(slice(None), *channel)].argmax())
+    span, time = effect.streams.episodes[number], elapsed(effect.streams, number)
+    measured, lacking, model = (force[span] for force in effect.at(channel))
+    interval = float(np.median(np.diff(time)))
+    half = float(np.clip(_EDGE * abs(float(lags[errors.argmin()])) / 2, 10 * interval, 1.5))
+    nearer = np.convolve(effect.nearer((span, *channel)), np.ones(max(1, round(half / interval))), "same")
+    middle = float(np.clip(time[nearer.argmax()], time[0] + half, time[-1] - half))
+    near = np.abs(time - middle) <= half
+    figure, axes = style.panel("time in the episode, s", f"{AXES[channel[1]]} force, N")
+    style.without(axes, time[near], lacking[near])
+    style.with_cause(axes, time[near], model[near], name)
+    style.points(axes, time[near], measured[near])
+    place = f"{effect.place(channel)}, episode {effect.streams.numbers[number]}"
+    alt = f"Force at a fast edge on {place}. The measured points lie on the model with {name}."
     return style.finish(figure, title, alt)
+
+
+def _shifted(effect: Effect) -> tuple[Series, Series]:
+    """Return lags (s), and the RMS error (N) on a pad and axis of the model without the cause shifted by each lag."""
+    streams, (pad, axis, _, _) = effect.streams, effect.channel
+    interval = float(np.median(np.diff(streams.time[streams.episodes[0]])))
+    parts = []
+    for span in (streams.episodes[number] for number in effect.most_affected(pad, axis)[:_MOST]):
+        time = streams.time[span]
+        fresh = np.concatenate([[True], np.diff(time) > 0])  # a spline needs increasing times
+        curve = CubicSpline(time[fresh], effect.without[span, pad, axis][fresh], axis=0)
+        parts.append((time, curve, streams.measured[span, pad, axis]))
+
+    def left(lags: Series) -> Series:
+        squares = np.zeros(len(lags))
+        for time, curve, measured in parts:
+            for place, lag in enumerate(lags):
+                squares[place] += np.sum((measured - curve(np.clip(time - lag, time[0], time[-1]))) ** 2)
+        return np.sqrt(squares / sum(measured.size for _, _, measured in parts))
+
+    coarse = np.linspace(-1, 1, 41) * max(0.2, 8 * interval)
+    best = int(np.clip(left(coarse).argmin(), 1, len(coarse) - 2))
+    fine = np.linspace(coarse[best - 1], coarse[best + 1], 21)[1:-1]
+    lags = np.unique(np.concatenate([coarse, fine]))
+    return lags, left(lags)
 
 
 def covariate(effect: Effect) -> list[Picture]:
@@ -240,14 +223,9 @@ def _against_covariate(effect: Effect, pad: int, axis: int) -> Picture:
 
 
 def zero_against_time(effect: Effect, shift: Series, title: str) -> Picture:
-    """Draw the mean reading at rest over the taxels of one pad and axis that shift in the same direction.
+    """Draw the mean reading at rest of those taxels of one pad and axis whose zero shifts in the same direction.
 
-    Averaging reduces noise.
-
-    Args:
-        effect: Effect of the cause.
-        shift: ``(pads, 3, rows, cols)`` N, fitted shift of the zero of each channel.
-        title: Title of the picture.
+    `shift` is the fitted shift of each channel, ``(pads, 3, rows, cols)`` N. Averaging reduces noise.
     """
     name, streams, frames = effect.cause.name, effect.streams, _at_rest(effect)
     side, pad, axis = largest(np.stack([np.clip(shift, 0, None), np.clip(-shift, 0, None)]).sum(axis=(3, 4)))
