@@ -11,8 +11,7 @@ from paxisim.diagnose.report.style import AXES, EXTENDED, GRID, INK, MEASURED, M
 _NEAR = 4.0  # range of small forces shown, in units of the affected range
 _WINDING = 3.0  # times its range; a curve with a larger total variation depends on more than this force
 _COLUMNS, _MOST_PANELS = 3, 6  # columns of panels, and most channels drawn
-_STEPS = 6  # steps shown in the histogram
-_NEAR_STEPS = 8.0  # steps shown in the curve
+_STEPS, _NEAR_STEPS = 6, 8.0  # steps shown in the histogram, and in the curve
 _PARTS = 9  # bins per step; odd, so that each multiple lies in the middle of a bin
 _WELL = 0.3  # share of the largest effect; episodes and taxels with less are left out of a loop
 
@@ -59,10 +58,8 @@ def gains(effect: Effect) -> list[Picture]:
     axes.set_ylim(len(parameters) - 0.5, -0.75)
     axes.margins(x=0.15)
     words = ", ".join(f"{p.name} {p.value}" for p in parameters)
-    return [
-        force_force(effect),
-        style.finish(figure, "Fitted factors", f"Points with intervals: {words}. 1 has no effect."),
-    ]
+    factors = style.finish(figure, "Fitted factors", f"Points with intervals: {words}. 1 has no effect.")
+    return [force_force(effect), factors]
 
 
 def channel_curves(effect: Effect) -> list[Picture]:
@@ -188,10 +185,9 @@ def force_force(effect: Effect, title: str = "", near: float = np.inf) -> Pictur
     style.without(axes, ends, ends)
     x, fitted = _in_order(lacking, model)
     style.with_cause(axes, x, fitted, name)
-    title = f"{title} ({place})"
     alt = f"Measured force against force in the model without {name}, {place}. The points deviate from the straight "
     alt += f"line; the model with {name} follows them."
-    return style.finish(figure, title, alt)
+    return style.finish(figure, f"{title} ({place})", alt)
 
 
 def _in_newtons(effect: Effect) -> float:

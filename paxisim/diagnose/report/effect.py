@@ -85,10 +85,7 @@ class Effect:
         return np.argsort(-energy, kind="stable").tolist()
 
     def sums(self, pad: int, axis: int) -> tuple[Series, ...]:
-        """Total force on a pad along an axis (N): measured, model without the cause, full model.
-
-        For calibrated channels, each of which estimates the load, it is the mean instead.
-        """
+        """Force on a pad along an axis (N), or mean of calibrated channels: measured, without the cause, full model."""
         share = 1 / self.streams.measured[0, pad, axis].size if self.streams.calibrated else 1.0
         return tuple(share * force[:, pad, axis].sum(axis=(1, 2), dtype=float) for force in self.forces)
 
@@ -108,11 +105,8 @@ class Effect:
 
 
 def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> list[Effect]:
-    """Return the effect of each cause that has a member in the chain or belongs to the scene.
-
-    The streams are already seen through a sensor that was known beforehand.
-    """
-    chain = _lacking(chain, MEMBER)
+    """Return the effect of each cause that has a member in the chain or belongs to the scene."""
+    chain = _lacking(chain, MEMBER)  # the streams are already seen through a sensor that was known beforehand
     inside = streams.in_scene
     scene = streams.simulated if inside is None else inside.simulated
     model, out = run(chain, streams, scene), []

@@ -16,8 +16,7 @@ from paxisim.diagnose.report.style import AXES, EXTENDED, INK, MEASURED, MUTED, 
 from paxisim.diagnose.result import HeldOut, Interval, Place, Result, Streams, Symptoms, pad_in_words
 
 _Model = tuple[str, NDArray[np.float32], str, Any]  # label, force, colour, line style
-_MOST_TICKS = 12  # episodes named below the bars
-_EPISODES = 3  # most episodes drawn
+_EPISODES, _MOST_TICKS = 3, 12  # most episodes drawn as traces, and named below the bars
 _SECONDS = 40.0  # longest trace
 _LINE = 6.0  # least power of a spectral line, relative to its surroundings
 _BINS = 12  # force bins
@@ -67,8 +66,7 @@ def _sizes(heldout: HeldOut, extended: bool) -> Picture:
 
 def _causes(diagnosis: Result) -> Picture:
     causes = diagnosis.causes
-    label = "% of the explainable error, 90% interval"
-    figure, axes = style.panel(label, height=0.85 + 0.38 * len(causes))
+    figure, axes = style.panel("% of the explainable error, 90% interval", height=0.85 + 0.38 * len(causes))
     for place, cause in enumerate(causes):
         gain = cause.gain
         axes.barh(place, 100 * gain.value, height=0.62, color=EXTENDED)
@@ -126,12 +124,11 @@ def _places(streams: Streams, errors: dict[str, Series], pads: list[int], axis: 
     pad, row, col = largest(before)
     at = f"the worst taxel is ({row}, {col}) of {streams.pad(pad)} with {before.max():.3g} N"
     sizes = [float(np.sqrt(np.mean(error[:, axis] ** 2))) for error in errors.values()]
-    names, when, words = [""], "", f"Overall {sizes[0]:.3g} N; {at}."
-    if len(errors) > 1:
-        names, when = [f", {name}" for name in errors], ", before and after"
-        words = f"Overall {sizes[0]:.3g} N before and {sizes[1]:.3g} N after; before, {at}."
-    shown = list(zip(names, errors.values(), strict=True))
-    maps = [(f"{streams.pad(pad)}{name}", error[pad, axis]) for pad in pads for name, error in shown]
+    maps = [(f"{streams.pad(pad)}, {when}", error[pad, axis]) for pad in pads for when, error in errors.items()]
+    when, words = ", before and after", f"Overall {sizes[0]:.3g} N before and {sizes[-1]:.3g} N after; before, {at}."
+    if len(errors) == 1:
+        maps = [(streams.pad(pad), errors["before"][pad, axis]) for pad in pads]
+        when, words = "", f"Overall {sizes[0]:.3g} N; {at}."
     title = f"{AXES[axis]}: RMS error {' → '.join(f'{size:.2g} N' for size in sizes)}"
     alt = f"Maps of the RMS error of each taxel on {AXES[axis]}, by pad{when}. {words}"
     return style.finish(grid_of_maps(streams.layout, maps, limit=limit), title, alt)
@@ -152,7 +149,6 @@ def _trace(streams: Streams, number: int, energy: Series, with_model: bool) -> P
     models = _models(streams, with_model, style.DASHES)
     errors = [float(np.sqrt(np.mean((measured - force[where]) ** 2))) for _, force, _, _ in models]
     near = _near_worst(time, measured - streams.simulated[where])
-
     figure = style.blank(3.1)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.3, 1])
     above.plot(*style.thin(time[near], measured[near]), color=MEASURED, linewidth=2.4, label="measured")
@@ -164,16 +160,14 @@ def _trace(streams: Streams, number: int, energy: Series, with_model: bool) -> P
     below.axhline(0, color=MUTED, linewidth=0.7)
     below.set(xlabel="time in the episode, s", ylabel="error, N")
     figure.align_ylabels()
-
     episode, place = streams.numbers[number], f"{streams.pad(pad)}, taxel ({row}, {col}), {AXES[axis]}"
     title = f"Episode {episode}, {place}: error {' → '.join(f'{error:.2g} N' for error in errors)}"
     traces, said = "measured and simulated force, and the error", f"{errors[0]:.3g} N"
     if with_model:
         traces = "measured, simulated and extended force, and both errors"
         said = f"{errors[0]:.3g} N before and {errors[1]:.3g} N after"
-    return style.finish(
-        figure, title, f"Traces of {place} in episode {episode}: {traces} below. The RMS error is {said}."
-    )
+    alt = f"Traces of {place} in episode {episode}: {traces} below. The RMS error is {said}."
+    return style.finish(figure, title, alt)
 
 
 def _models(streams: Streams, extended: bool, dashes: Any) -> list[_Model]:
@@ -194,12 +188,9 @@ def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
     """Return the error by phase of the motion, frequency, and pad and axis; before and, if there is a model, after."""
     if sum(place.before for place in symptoms.pads) <= 0:
         return []
-    pads = [replace(place, where=pad_in_words(place.where)) for place in symptoms.pads]
-    kinds = [
-        ("phase", [symptoms.phases]),
-        ("frequency", [symptoms.frequencies]),
-        ("pad and axis", [pads, symptoms.axes]),
-    ]
+    pads = tuple(replace(place, where=pad_in_words(place.where)) for place in symptoms.pads)
+    kinds = [("phase", [symptoms.phases]), ("frequency", [symptoms.frequencies])]
+    kinds.append(("pad and axis", [pads, symptoms.axes]))
     return [_shares(name, groups, extended) for name, groups in kinds if all(groups)]
 
 
@@ -228,20 +219,18 @@ def remains(streams: Streams, extended: bool) -> list[Picture]:
 
 def _frequencies(streams: Streams, models: list[_Model]) -> Picture:
     figure, axes = style.panel("frequency, Hz", "residual, N per √Hz")
-    frequency, size, sizes = np.zeros(0), np.zeros(0), []
-    for label, other, colour, line in models:
-        frequency, size = _spectrum(streams, other)
-        sizes.append(size)
-        axes.plot(frequency, size, color=colour, linewidth=1.5, linestyle=line, label=label)
+    spectra = [_spectrum(streams, other) for _, other, _, _ in models]
+    for (label, _, colour, line), spectrum in zip(models, spectra, strict=True):
+        axes.plot(*spectrum, color=colour, linewidth=1.5, linestyle=line, label=label)
+    frequency, size = spectra[-1]
     style.logarithmic(axes, "x", frequency)
-    style.logarithmic(axes, "y", np.concatenate(sizes))
+    style.logarithmic(axes, "y", np.concatenate([size for _, size in spectra]))
     around = np.array([np.median(size[max(0, i - 6) : i + 7]) for i in range(len(size))])
     at = int(np.argmax(size / np.maximum(around, 1e-12)))
     told = at > 3 and size[at] > np.sqrt(_LINE) * around[at]
     found = f": a line at {frequency[at]:.2g} Hz" if told else ""
-    return style.finish(
-        figure, f"Residual by frequency{found}", f"Spectrum of the residual, mean of all channels{found}."
-    )
+    alt = f"Spectrum of the residual, mean of all channels{found}."
+    return style.finish(figure, f"Residual by frequency{found}", alt)
 
 
 def _spectrum(streams: Streams, other: NDArray[np.float32]) -> tuple[Series, Series]:

@@ -32,7 +32,7 @@ def taxel_map(effect: Effect) -> list[Picture]:
     """Map of the gain of each taxel, and force against force for the most affected taxel."""
     streams, member = effect.streams, effect.member
     assert isinstance(member, TaxelGain)
-    gains = 100 * (_per_taxel(effect, member.gain) - 1)
+    gains = 100 * (np.broadcast_to(np.asarray(member.gain, dtype=float), streams.measured[0, :, 0].shape) - 1)
     maps = [(streams.pad(pad), gains[pad]) for pad in worst_pads(gains**2)]
     title = f"Taxel gains deviate from 1 by {gains.min():+.0f}% to {gains.max():+.0f}%"
     alt = f"Maps of the fitted gain of each taxel, as deviations from 1: {gains.min():+.1f}% to {gains.max():+.1f}%."
@@ -44,33 +44,34 @@ def silent_map(effect: Effect) -> list[Picture]:
     """Maps of the taxels that do not respond, and the trace of one of them under load."""
     streams, member = effect.streams, effect.member
     assert isinstance(member, DeadTaxels)
-    gone = _per_taxel(effect, np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float))
+    gone = np.asarray(member.dead, dtype=float) + np.asarray(member.stuck, dtype=float)
+    gone = np.broadcast_to(gone, streams.measured[0, :, 0].shape)
     maps = [(streams.pad(pad), gone[pad]) for pad in worst_pads(gone)]
     count = int(gone.sum())
     names = ", ".join(f"{streams.pad(p)} ({r}, {c})" for p, r, c in np.argwhere(gone > 0)[:12])
     title = f"{count} taxel{'s do' if count > 1 else ' does'} not respond"
     alt = f"Maps of the taxels that do not respond: {names}."
     where = style.finish(grid_of_maps(streams.layout, maps, limit=1.0, unit=""), title, alt)
-    return [where, _most_affected(effect, "The reading stays constant under load")]
+    return [where, trace(effect, "The reading stays constant under load")]
 
 
 def mapping(effect: Effect) -> list[Picture]:
     """Pictures of the force as simulated, as measured, and as simulated with the corrected mapping."""
     member, swapped = effect.member, "A taxel reads the force on another taxel"
     if isinstance(member, SwappedTaxels):
-        return [_moved(effect), _most_affected(effect, swapped)]
+        return [_moved(effect), trace(effect, swapped)]
     assert isinstance(member, LayoutFault)
     moved = member.flip_rows or member.flip_cols or member.transpose or member.pad_order is not None
     turned = [axis for axis in range(3) if member.axis_signs[axis] < 0 or member.axis_order[axis] != axis]
     pictures = [_moved(effect)] if moved else []
     for axis in turned[:1]:
-        number, pad, row, col = largest(effect.energy[:, :, axis])
+        _, pad, row, col = largest(effect.energy[:, :, axis])
         title = "has the wrong sign" if member.axis_signs[axis] < 0 else "reads another axis"
-        pictures.append(trace(effect, (pad, axis, row, col), number, f"{AXES[axis]} {title}"))
+        pictures.append(trace(effect, f"{AXES[axis]} {title}", (pad, axis, row, col)))
     if not moved:
         pictures.append(force_force(effect, "Measured and simulated force disagree"))
     elif not turned:
-        pictures.append(_most_affected(effect, swapped))
+        pictures.append(trace(effect, swapped))
     return pictures
 
 
@@ -121,15 +122,10 @@ def worst_pads(error: np.ndarray) -> list[int]:
 def grid_of_maps(
     layout: TaxelLayout, maps: Maps, columns: int = 2, limit: float = 0.0, signed: bool = False, unit: str = " N"
 ) -> Figure:
-    """Return a figure of maps that share a colour scale, with the scale below.
+    """Return a figure of titled maps ``(rows, cols)`` that share a colour scale.
 
-    Args:
-        layout: Layout of the taxels.
-        maps: Title and values ``(rows, cols)`` of each map.
-        columns: Number of maps per row.
-        limit: Value at full colour; default: the largest.
-        signed: Whether negative values have their own colour.
-        unit: Unit on the scale; without one, no scale is drawn.
+    The colour is full at `limit`, by default the largest value; in a signed map, negative values have their own. The
+    scale lies below, unless its unit is empty.
     """
     strip = bool(unit)
     limit = limit or max(float(np.abs(values).max()) for _, values in maps) or 1.0
@@ -185,16 +181,6 @@ def _strip(axes: Axes, limit: float, signed: bool, unit: str) -> None:
     axes.set_xticks(ticks, [f"{tick:.2g}{unit}" for tick in ticks])
     for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
         label.set_horizontalalignment(side)
-
-
-def _per_taxel(effect: Effect, values: object) -> Series:
-    """``(pads, rows, cols)`` values that may have been given for all pads or taxels together."""
-    shape = effect.streams.measured.shape
-    return np.broadcast_to(np.asarray(values, dtype=float), (shape[1], *shape[-2:]))
-
-
-def _most_affected(effect: Effect, title: str) -> Picture:
-    return trace(effect, effect.channel, effect.most_affected(*effect.channel)[0], title)
 
 
 def _moved(effect: Effect) -> Picture:

@@ -115,26 +115,26 @@ def evidence(effect: Effect) -> list[Picture]:
 
 def _context(diagnosis: Result) -> dict[str, Any]:
     streams, extended, model = diagnosis.streams, bool(diagnosis.causes), diagnosis.model
-    pictures = {name: [] for name in ("maps", "traces", "remains")}
     evidences: dict[str, list[Picture]] = {}
     with drawing():
+        pictures = {"shares": shares(diagnosis.symptoms, extended), "gain": gain_pictures(diagnosis)}
+        pictures |= {"maps": [], "traces": [], "remains": []}
         if streams is not None:
-            for effect in effects(diagnosis.causes, model, streams):
-                evidences[effect.cause.name] = evidence(effect)
-            pictures = {"maps": places(streams, extended), "traces": worst_episodes(streams, extended)}
+            evidences = {effect.cause.name: evidence(effect) for effect in effects(diagnosis.causes, model, streams)}
+            pictures |= {"maps": places(streams, extended), "traces": worst_episodes(streams, extended)}
             pictures["remains"] = remains(streams, extended) if diagnosis.symptoms.left_over else []
-        pictures |= {"shares": shares(diagnosis.symptoms, extended), "gain": gain_pictures(diagnosis)}
+    words = {found.name: text.fault_in_words(diagnosis, found.name) for found in diagnosis.causes}
+    faults = {name: [("fault", fault)] for name, fault in words.items() if fault}
     causes = [
         {
             "found": found,
-            # the description of a cause, which may no longer be registered
-            "words": cause(found.name).words if found.name in known_causes() else "",
+            "words": cause(found.name).words if found.name in known_causes() else "",  # a saved cause may be unknown
             "pictures": evidences.get(found.name, []),
-            "parameters": [("fault", words)] if words else text.parameters_in_words(found.parameters),
+            "parameters": faults.get(found.name) or text.parameters_in_words(found.parameters),
             "meanings": text.meanings(found.parameters),
             "confidence": diagnosis.confidence.get(found.name),
         }
-        for found, words in ((each, text.fault_in_words(diagnosis, each.name)) for each in diagnosis.causes)
+        for found in diagnosis.causes
     ]
     return {
         **pictures,

@@ -85,8 +85,8 @@ def _displaced(effect: Effect, target: str, own: dict[SceneParameter, float]) ->
             axes.plot(*ends.T, color=SIMULATED, linestyle=line, linewidth=1.0, label=f"{angle:+.2g}° about {axis}")
     axes.set_aspect("equal")
     axes.invert_yaxis()  # rows grow downwards
-    values = {i.name: f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()}
-    parts = ", ".join(f"{name} {value}" for name, value in values.items())
+    said = [f"{1e3 * v:+.2f} mm" if i.unit == "m" else f"{np.degrees(v):+.2f} deg" for i, v in own.items()]
+    parts = ", ".join(f"{item.name} {text}" for item, text in zip(own, said, strict=True))
     return style.finish(figure, f"Place of {target}", f"{target} is displaced: {parts}.")
 
 

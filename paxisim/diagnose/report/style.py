@@ -1,7 +1,7 @@
 """Style: what all pictures of a report share: colours, figures, marks, and the conversion to inline SVG.
 
-Each picture is as wide as a phone screen, so its text has the size of the page's text. Wider windows show several
-pictures side by side. Colours are CSS variables in the SVG, so they follow the page's dark mode.
+Each picture is as wide as a phone screen, so its text has the size of the page's text; wider windows show several side
+by side. Colours are CSS variables in the SVG, so they follow the page's dark mode.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ INK, PAPER, MUTED, GRID = "#1f2328", "#fffffe", "#656d76", "#d8dee4"
 MEASURED, SIMULATED, EXTENDED = INK, "#d9480f", "#1971c2"
 DARK = {INK: "#e6edf3", PAPER: "#161b22", MUTED: "#9aa4ae", GRID: "#30363d", SIMULATED: "#ff922b", EXTENDED: "#4dabf7"}
 _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATED: "simulated", EXTENDED: "extended"}
-
 DASHES = (0, (4, 1.5))
 WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 CSS pixels wide
 AXES = "xyz"

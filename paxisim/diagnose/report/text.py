@@ -148,18 +148,15 @@ def black_box_in_words(heldout: HeldOut) -> str:
     ceiling, explained = heldout.ceiling_explained, heldout.explained
     if ceiling is None or explained is None or ceiling <= (explained.high or explained.value):
         return ""
-    return (
-        f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part depends "
-        "on the forces and their history, but no known cause describes it."
-    )
+    words = f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part "
+    return words + "depends on the forces and their history, but no known cause describes it."
 
 
 def _places(symptoms: Symptoms, extended: bool) -> list[str]:
     lines = []
     for title in ("pads", "axes", "phases", "frequencies", "taxels"):
         shown = sorted(getattr(symptoms, title), key=lambda place: -place.before)[:4]
-        now = [f" -> {place.after:.0%}" if extended else "" for place in shown]
-        texts = [f"{place.where} {place.before:.0%}{after}" for place, after in zip(shown, now, strict=True)]
+        texts = [f"{p.where} {p.before:.0%}" + (f" -> {p.after:.0%}" if extended else "") for p in shown]
         lines += _wrap("  ", f"{title}: {', '.join(texts)}") if texts else []
     return lines
 

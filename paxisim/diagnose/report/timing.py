@@ -73,15 +73,15 @@ def holds(effect: Effect) -> list[Picture]:
     return [whole, style.finish(figure, title, alt)]
 
 
-def trace(effect: Effect, channel: Channel, number: int, title: str) -> Picture:
-    """Draw force on a channel over an episode."""
-    place = effect.place(channel)
-    title = f"{title} ({place})"
-    alt = f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
-    alt += f"{effect.cause.name}."
+def trace(effect: Effect, title: str, channel: Channel = ()) -> Picture:
+    """Draw the force on a channel, by default the most affected one, in the episode that shows the cause best."""
+    channel = channel or effect.channel
+    number, place = effect.most_affected(*channel)[0], effect.place(channel)
     time, *forces = _in_episode(effect, number, effect.at(channel))
     figure = _forces(effect, f"{AXES[channel[1]]} force, N", time, forces)
-    return style.finish(figure, title, alt)
+    alt = f"Measured force on {place} in episode {effect.streams.numbers[number]}, and the model with and without "
+    alt += f"{effect.cause.name}."
+    return style.finish(figure, f"{title} ({place})", alt)
 
 
 def _in_episode(effect: Effect, number: int, forces: tuple[Series, ...]) -> tuple[Series, ...]:
@@ -106,8 +106,8 @@ def shift(effect: Effect) -> list[Picture]:
     axes.plot(1e3 * lags, errors, color=EXTENDED, linewidth=1.8)
     axes.plot([0], [errors[none]], "o", color=SIMULATED, markersize=7)
     axes.plot([lag], [errors[best]], "o", color=EXTENDED, markersize=7)
-    side, aligned = (-9, "right") if lag > 0 else (9, "left")  # away from the valley
-    style.note(axes, "as recorded", (0, errors[none]), (side, 0), ha=aligned, va="center")
+    aside, aligned = (-9, "right") if lag > 0 else (9, "left")  # away from the valley
+    style.note(axes, "as recorded", (0, errors[none]), (aside, 0), ha=aligned, va="center")
     style.note(axes, f"{lag:.0f} ms", (lag, errors[best]), (0, -13), ha="center")
     axes.set_ylim(-0.16 * most, 1.08 * most)
     axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= most])
@@ -115,8 +115,7 @@ def shift(effect: Effect) -> list[Picture]:
     title = f"The error is smallest when the simulation is shifted by {lag:.0f} ms"
     alt = f"RMS error of {effect.streams.pad(pad)}, {AXES[axis]}, against the shift of the simulation: "
     alt += f"{errors[none]:.3g} N as recorded, minimum {errors[best]:.3g} N at {lag:.0f} ms."
-    side = "lags behind" if lag > 0 else "leads"
-    edge = _edge(effect, lags, errors, f"The measurement {side} the simulation")
+    edge = _edge(effect, lags, errors, f"The measurement {'lags behind' if lag > 0 else 'leads'} the simulation")
     return [edge, style.finish(figure, title, alt)]
 
 
@@ -241,6 +240,5 @@ def zero_against_time(effect: Effect, shift: Series, title: str) -> Picture:
     means = [(minutes[rest].mean(), seen[rest].mean()) for rest in rests if len(rest)]
     style.means(axes, *np.array(means).T)
     place = f"{streams.pad(pad)}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
-    title = f"{title} ({place})"
     alt = f"Reading at rest against time, {place}. The episode means lie on the line of the model with {name}."
-    return style.finish(figure, title, alt)
+    return style.finish(figure, f"{title} ({place})", alt)
