@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from recorded import make
 
 from paxisim.diagnose.report.effect import effects
-from paxisim.diagnose.report.kinds import evidence
+from paxisim.diagnose.report.page import evidence
 from paxisim.diagnose.report.style import drawing
 from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording

@@ -12,7 +12,7 @@ from paxisim.diagnose.data.prepare import prepare
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.data.repeats import one_speed, settling
 from paxisim.diagnose.report.effect import effects
-from paxisim.diagnose.report.kinds import evidence
+from paxisim.diagnose.report.page import evidence
 from paxisim.diagnose.report.style import drawing
 from paxisim.diagnose.report.text import black_box_in_words
 from paxisim.diagnose.result import HeldOut, Interval

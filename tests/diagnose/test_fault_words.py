@@ -5,7 +5,7 @@ import pytest
 
 from paxisim.augment import Chain, Creep, DeadTaxels, FailingTaxels, LayoutFault, SwappedTaxels
 from paxisim.diagnose.diagnosis import Diagnosis
-from paxisim.diagnose.report.faults import fault_in_words
+from paxisim.diagnose.report.text import fault_in_words
 from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Interval, Place, Symptoms
 
 

@@ -15,9 +15,9 @@ from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.causes.vocabulary import CAUSES, cause
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
-from paxisim.diagnose.report.kinds import PICTURES
+from paxisim.diagnose.report.error import worst_episodes
+from paxisim.diagnose.report.page import PICTURES
 from paxisim.diagnose.report.style import binned, drawing, scattered
-from paxisim.diagnose.report.traces import worst_episodes
 from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Interval, Streams, Symptoms
 from paxisim.diagnose.scorer.model import in_order
 from paxisim.layout import TaxelLayout

@@ -16,7 +16,7 @@ LINES = {  # the target, and the upper bound until it is reached
     "core": (3800, 6330),
     "causes": (1200, 2270),
     "inside": (600, 510),
-    "report": (1900, 2490),
+    "report": (1900, 1900),
 }
 NAMES = {item.name for item in CAUSES}
 

@@ -114,7 +114,7 @@ class Cause:
         order: Position in the chain; smaller is nearer to the contact.
         words: Explanation in one short sentence for a reader who does not know the name.
         excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.explain.advice.MOTIONS`.
-        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.kinds.PICTURES`.
+        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.page.PICTURES`.
         covariate: Name of the covariate that the cause requires.
         barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
         misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;

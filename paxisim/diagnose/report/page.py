@@ -1,7 +1,8 @@
-"""Page: a diagnosis as a single HTML file."""
+"""Page: a diagnosis as a single HTML file, and the kinds of pictures on it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -12,17 +13,15 @@ from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.latency import Latency
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.report.faults import fault_in_words
-from paxisim.diagnose.report.text import (
-    CONFIDENCE,
-    EXPLAINS,
-    black_box_in_words,
-    is_of_one_episode,
-    meanings,
-    parameters_in_words,
-    reasons_of,
-)
-from paxisim.diagnose.result import FoundCause, Interval, Result
+from paxisim.diagnose.report import text
+from paxisim.diagnose.report.curves import axes_mixed, channel_curves, curves, gains, loops, small_forces, steps
+from paxisim.diagnose.report.effect import Effect, effects
+from paxisim.diagnose.report.error import gain_pictures, percent, places, remains, shares, worst_episodes
+from paxisim.diagnose.report.maps import kernel, mapping, silent_map, taxel_map, zero, zero_in_time
+from paxisim.diagnose.report.scene import closing, height_map, mount, slip
+from paxisim.diagnose.report.style import Picture, drawing
+from paxisim.diagnose.report.timing import covariate, edges, holds, plain, shift
+from paxisim.diagnose.result import Result
 from paxisim.errors import MissingExtraError
 
 HEADS = {
@@ -47,6 +46,33 @@ ONE_EPISODE_HEAD = "{causes} may explain the difference"
 ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."
 
 
+PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
+    "axes": axes_mixed,
+    "closing": closing,
+    "channel_curves": channel_curves,
+    "covariate": covariate,
+    "curves": curves,
+    "edges": edges,
+    "gains": gains,
+    "height_map": height_map,
+    "holds": holds,
+    "kernel": kernel,
+    "loops": loops,
+    "mapping": mapping,
+    "mount": mount,
+    "plain": plain,
+    "shift": shift,
+    "silent_map": silent_map,
+    "slip": slip,
+    "small_forces": small_forces,
+    "steps": steps,
+    "taxel_map": taxel_map,
+    "zero": zero,
+    "zero_in_time": zero_in_time,
+}
+"""The function that draws the pictures of an effect, by kind."""
+
+
 def page(diagnosis: Result) -> str:
     """Return the report as HTML; see `Diagnosis.report`.
 
@@ -61,91 +87,83 @@ def page(diagnosis: Result) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    environment.filters["percent"] = _percent
+    environment.filters["percent"] = percent
     template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(_context(diagnosis))
 
 
 def head(diagnosis: Result) -> str:
     """Return the head of the report as HTML: the verdict, and the causes with their gains."""
-    sentence, figures = _sentence(diagnosis), diagnosis.heldout
-    lines = [f"<h4>{escape(_head(diagnosis))}</h4>", f"<p>{escape(sentence)}</p>"]
+    figures = diagnosis.heldout
+    lines = [f"<h4>{escape(_title(diagnosis))}</h4>", f"<p>{escape(_sentence(diagnosis))}</p>"]
     if diagnosis.causes:
         error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
         lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
         cells = [("cause", "explains", "confidence", "rivals")]
         for item in diagnosis.causes:
             sure = f"{diagnosis.confidence.get(item.name, 0):.0%}"
-            cells.append((item.name, _percent(item.gain), sure, ", ".join(item.rivals) or "none"))
+            cells.append((item.name, percent(item.gain), sure, ", ".join(item.rivals) or "none"))
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
         lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
     return "\n".join(lines)
 
 
-def _sentence(diagnosis: Result) -> str:
-    return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
+def evidence(effect: Effect) -> list[Picture]:
+    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered."""
+    return PICTURES[effect.about.picture if effect.about else "plain"](effect)
 
 
 def _context(diagnosis: Result) -> dict[str, Any]:
-    from paxisim.diagnose.report.effect import effects
-    from paxisim.diagnose.report.gain import gain_pictures
-    from paxisim.diagnose.report.kinds import evidence
-    from paxisim.diagnose.report.maps import places
-    from paxisim.diagnose.report.remains import remains
-    from paxisim.diagnose.report.style import drawing
-    from paxisim.diagnose.report.traces import shares, worst_episodes
-
-    streams, extended = diagnosis.streams, bool(diagnosis.causes)
+    streams, extended, model = diagnosis.streams, bool(diagnosis.causes), diagnosis.model
+    evidences: dict[str, list[Picture]] = {}
     with drawing():
-        found = [] if streams is None else effects(diagnosis.causes, diagnosis.model, streams)
-        pictures = {effect.cause.name: evidence(effect) for effect in found}
-        context = {
-            "maps": [] if streams is None else places(streams, extended),
-            "traces": [] if streams is None else worst_episodes(streams, extended),
-            "shares": shares(diagnosis.symptoms, extended),
-            "gain": gain_pictures(diagnosis),
-            "remains": remains(streams, extended) if streams is not None and diagnosis.symptoms.left_over else [],
-        }
+        pictures = {"shares": shares(diagnosis.symptoms, extended), "gain": gain_pictures(diagnosis)}
+        pictures |= {"maps": [], "traces": [], "remains": []}
+        if streams is not None:
+            evidences = {effect.cause.name: evidence(effect) for effect in effects(diagnosis.causes, model, streams)}
+            pictures |= {"maps": places(streams, extended), "traces": worst_episodes(streams, extended)}
+            pictures["remains"] = remains(streams, extended) if diagnosis.symptoms.left_over else []
+    words = {found.name: text.fault_in_words(diagnosis, found.name) for found in diagnosis.causes}
+    faults = {name: [("fault", fault)] for name, fault in words.items() if fault}
     causes = [
         {
-            "found": cause,
-            "words": _words(cause.name),
-            "pictures": pictures.get(cause.name, []),
-            "parameters": _parameters(diagnosis, cause),
-            "meanings": meanings(cause.parameters),
-            "confidence": diagnosis.confidence.get(cause.name),
+            "found": found,
+            "words": cause(found.name).words if found.name in known_causes() else "",  # a saved cause may be unknown
+            "pictures": evidences.get(found.name, []),
+            "parameters": faults.get(found.name) or text.parameters_in_words(found.parameters),
+            "meanings": text.meanings(found.parameters),
+            "confidence": diagnosis.confidence.get(found.name),
         }
-        for cause in diagnosis.causes
+        for found in diagnosis.causes
     ]
     return {
-        **context,
+        **pictures,
         "diagnosis": diagnosis,
-        "head": _head(diagnosis),
+        "head": _title(diagnosis),
         "sentence": _sentence(diagnosis),
         "causes": causes,
-        "confidence_in_words": CONFIDENCE,
-        "explains_in_words": EXPLAINS,
-        "beyond_in_words": black_box_in_words(diagnosis.heldout) if extended else "",
+        "confidence_in_words": text.CONFIDENCE,
+        "explains_in_words": text.EXPLAINS,
+        "beyond_in_words": text.black_box_in_words(diagnosis.heldout) if extended else "",
         "held_out": len(diagnosis.heldout.gain_per_episode) > 1,
-        "reasons": reasons_of(diagnosis),
-        "has_model": bool(list(diagnosis.model)),
-        "covariates": diagnosis.model.covariate_names,
-        "reads_ahead": _reads_ahead(diagnosis.model),
+        "reasons": text.reasons_of(diagnosis),
+        "has_model": bool(list(model)),
+        "covariates": model.covariate_names,
+        "reads_ahead": _reads_ahead(model),
         "version": __version__,
     }
 
 
-def _head(diagnosis: Result) -> str:
+def _title(diagnosis: Result) -> str:
     names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
-    joined = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1] if names else ""
-    head = ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
-    text = head.format(causes=joined, s="s" if len(names) == 1 else "")
-    return text[:1].upper() + text[1:]
+    joined = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
+    words = ONE_EPISODE_HEAD if text.is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
+    words = words.format(causes=joined, s="s" if len(names) == 1 else "")
+    return words[:1].upper() + words[1:]
 
 
-def _words(name: str) -> str:
-    """Return the one-sentence description of a cause; empty if it is no longer registered."""
-    return cause(name).words if name in known_causes() else ""
+def _sentence(diagnosis: Result) -> str:
+    return ONE_EPISODE_TAIL if text.is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
 def _reads_ahead(model: Chain) -> bool:
@@ -154,20 +172,3 @@ def _reads_ahead(model: Chain) -> bool:
         _reads_ahead(member) if isinstance(member, Chain) else isinstance(member, Latency) and np.min(member.delay) < 0
         for member in model
     )
-
-
-def _parameters(diagnosis: Result, cause: FoundCause) -> list[tuple[str, str]]:
-    """Names and values of the parameters as text; long arrays are summarised by their range."""
-    if words := fault_in_words(diagnosis, cause.name):
-        return [("fault", words)]
-    return parameters_in_words(cause.parameters)
-
-
-def _percent(value: Interval | float) -> str:
-    from paxisim.diagnose.report.gain import percent
-
-    if not isinstance(value, Interval):
-        return percent(value)
-    if value.low is None or value.high is None:
-        return f"{value.value:.0%}"
-    return f"{value.value:.0%} [{value.low:.0%}, {value.high:.0%}]"

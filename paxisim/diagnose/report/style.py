@@ -1,7 +1,7 @@
-"""Style: the common style of all pictures in a report, and the conversion of a figure to inline SVG.
+"""Style: what all pictures of a report share: colours, figures, marks, and the conversion to inline SVG.
 
-Each picture is as wide as a phone screen, so its text has the size of the page's text. Wider windows show several
-pictures side by side. Colours are CSS variables in the SVG, so they follow the page's dark mode.
+Each picture is as wide as a phone screen, so its text has the size of the page's text; wider windows show several side
+by side. Colours are CSS variables in the SVG, so they follow the page's dark mode.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ INK, PAPER, MUTED, GRID = "#1f2328", "#fffffe", "#656d76", "#d8dee4"
 MEASURED, SIMULATED, EXTENDED = INK, "#d9480f", "#1971c2"
 DARK = {INK: "#e6edf3", PAPER: "#161b22", MUTED: "#9aa4ae", GRID: "#30363d", SIMULATED: "#ff922b", EXTENDED: "#4dabf7"}
 _VARIABLES = {INK: "ink", PAPER: "paper", MUTED: "muted", GRID: "grid", SIMULATED: "simulated", EXTENDED: "extended"}
-
+DASHES = (0, (4, 1.5))
 WIDTH, HEIGHT = 3.75, 2.7  # inches; 360 CSS pixels wide
 AXES = "xyz"
 _LONG = re.compile(r"(\.\d\d)\d+")  # coordinates are cut to two decimals, to save space
@@ -33,13 +33,7 @@ MAX_POINTS = 500  # most points in a line or cloud
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture on the page.
-
-    Attributes:
-        source: SVG as a data URI, for ``img``.
-        title: Caption that says what the picture shows.
-        alt: Alternative text for readers who cannot see it.
-    """
+    """A picture on the page: SVG as a data URI, a caption, and a text for readers who cannot see it."""
 
     source: str
     title: str
@@ -51,67 +45,53 @@ def drawing() -> Iterator[None]:
     """Context with the matplotlib settings of a report; restores the previous settings on exit."""
     from matplotlib import rc_context
 
-    settings: Any = {
-        "font.family": "DejaVu Sans",
-        "font.size": 9.0,
-        "text.parse_math": False,  # names may contain dollar signs
-        "axes.labelsize": 9.0,
-        "xtick.labelsize": 8.0,
-        "ytick.labelsize": 8.0,
-        "legend.fontsize": 8.0,
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "axes.edgecolor": MUTED,
-        "xtick.color": MUTED,
-        "ytick.color": MUTED,
-        "axes.linewidth": 0.7,
-        "axes.facecolor": "none",
-        "figure.facecolor": PAPER,
-        "savefig.facecolor": PAPER,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.grid": True,
-        "grid.color": GRID,
-        "grid.linewidth": 0.6,
-        "axes.axisbelow": True,
-        "legend.frameon": False,
-        "lines.solid_capstyle": "round",
-        "svg.fonttype": "none",
-        "svg.hashsalt": "paxisim",
-        "path.simplify": True,
-    }
+    settings: Any = {"font.family": "DejaVu Sans", "text.parse_math": False}  # names may contain dollar signs
+    settings |= dict.fromkeys(("font.size", "axes.labelsize"), 9.0)
+    settings |= dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8.0)
+    settings |= dict.fromkeys(("text.color", "axes.labelcolor"), INK)
+    settings |= dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), MUTED)
+    settings |= dict.fromkeys(("figure.facecolor", "savefig.facecolor"), PAPER)
+    settings |= {"axes.facecolor": "none", "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False}
+    settings |= {"axes.grid": True, "axes.axisbelow": True, "grid.color": GRID, "grid.linewidth": 0.6}
+    settings |= {"legend.frameon": False, "lines.solid_capstyle": "round", "path.simplify": True}
+    settings |= {"svg.fonttype": "none", "svg.hashsalt": "paxisim"}
     with rc_context(settings):
         yield
 
 
-def panel(height: float = HEIGHT) -> tuple[Figure, Axes]:
-    """Return a figure as wide as a phone screen, with one set of axes."""
+def blank(height: float) -> Figure:
+    """Return an empty figure as wide as a phone screen."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    return figure, figure.add_subplot()
+    return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
-def finish(figure: Figure, title: str, alt: str, legend: bool = True) -> Picture:
+def panel(x: str, y: str = "", height: float = HEIGHT) -> tuple[Figure, Axes]:
+    """Return a figure with one set of axes that have the labels `x` and `y`."""
+    figure = blank(height)
+    axes = figure.add_subplot()
+    axes.set(xlabel=x, ylabel=y)
+    return figure, axes
+
+
+def finish(figure: Figure, title: str, alt: str) -> Picture:
     """Convert a figure to a `Picture`, with a legend of its labelled lines above the axes."""
-    if legend:
-        labelled = {}
-        for axes in figure.axes:
-            handles, labels = axes.get_legend_handles_labels()
-            labelled.update(dict(zip(labels, handles, strict=True)))
-        if labelled:
-            figure.legend(
-                labelled.values(), labelled.keys(), loc="outside upper left", ncols=3, handlelength=1.4,
-                columnspacing=1.1, borderpad=0.1, handletextpad=0.5,
-            )  # fmt: skip
-    return Picture(_data_uri(_svg(figure)), title, alt)
+    labelled = {}
+    for axes in figure.axes:
+        handles, labels = axes.get_legend_handles_labels()
+        labelled.update(dict(zip(labels, handles, strict=True)))
+    if labelled:
+        figure.legend(
+            labelled.values(), labelled.keys(), loc="outside upper left", ncols=3, handlelength=1.4,
+            columnspacing=1.1, borderpad=0.1, handletextpad=0.5,
+        )  # fmt: skip
+    return Picture("data:image/svg+xml;base64," + base64.b64encode(_svg(figure).encode()).decode(), title, alt)
 
 
 def _svg(figure: Figure) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
+    text = buffer.getvalue()[buffer.getvalue().index("<svg") :]
     for colour, name in _VARIABLES.items():
         text = text.replace(colour, f"var(--{name})")
     text = text.replace("'DejaVu Sans'", "system-ui, sans-serif")
@@ -122,8 +102,61 @@ def _svg(figure: Figure) -> str:
     return text.replace("<defs>", style + "<defs>", 1)
 
 
-def _data_uri(svg: str) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+def cloud(axes: Axes, x: np.ndarray, y: np.ndarray, faint: bool = False) -> None:
+    """Draw measured samples as points; faint ones serve as a backdrop for their means and have no legend entry."""
+    x, y = scattered(x, y)
+    alpha, label = (0.18, None) if faint else (0.35, "measured")
+    axes.plot(x, y, "o", color=MEASURED, alpha=alpha, markersize=2.8, markeredgewidth=0, label=label)
+
+
+def means(axes: Axes, x: np.ndarray, y: np.ndarray, size: float = 4.5) -> None:
+    """Draw binned means of measured samples."""
+    axes.plot(x, y, "o", color=MEASURED, markersize=size, markeredgewidth=0, label="measured, mean")
+
+
+def points(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Draw a few measured samples as individual points."""
+    axes.plot(x, y, "o", color=MEASURED, markersize=4, alpha=0.8, markeredgewidth=0, label="measured")
+
+
+def without(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """Draw the model without the cause."""
+    axes.plot(x, y, color=SIMULATED, linewidth=1.4, linestyle=DASHES, label="without")
+
+
+def level(axes: Axes, value: float = 0.0) -> None:
+    """Draw the model without the cause where it is constant."""
+    axes.axhline(value, color=SIMULATED, linewidth=1.3, linestyle=DASHES, label="without")
+
+
+def with_cause(axes: Axes, x: np.ndarray, y: np.ndarray, name: str, width: float = 1.8) -> None:
+    """Draw the model with the cause."""
+    axes.plot(x, y, color=EXTENDED, linewidth=width, label=f"with {name}")
+
+
+def note(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float], **aligned: Any) -> None:
+    """Write a text beside a point of the picture, shifted by points of the page."""
+    axes.annotate(text, at, shift, textcoords="offset points", **aligned)
+
+
+def arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], size: float = 9.0) -> None:
+    """Draw an arrow in the colour of the model with the cause."""
+    look = {"arrowstyle": "-|>", "color": EXTENDED, "mutation_scale": size, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, start, arrowprops=look)
+
+
+def shade(value: float, share: float) -> Any:
+    """Return the colour of a value, by its sign, with the given share of full colour."""
+    from matplotlib.colors import to_rgba
+
+    return to_rgba(SIMULATED if value >= 0 else EXTENDED, share)
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Name the rows of horizontal bars."""
+    axes.set_yticks(range(len(names)), names, color=INK)
+    axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)
 
 
 def logarithmic(axes: Axes, which: str, values: np.ndarray) -> None:
@@ -148,8 +181,7 @@ def scattered(x: np.ndarray, *others: np.ndarray, points: int = MAX_POINTS) -> t
     """Keep at most `points` samples, spread evenly over the range of `x`: only dense regions are thinned."""
     if len(x) <= points:
         return (x, *others)
-    low, high = float(x.min()), float(x.max())
-    cell = np.minimum((40 * (x - low) / max(high - low, 1e-12)).astype(int), 39)
+    cell = _cells(x, 40)
     order = np.argsort(cell, kind="stable")
     within = np.arange(len(x)) - np.searchsorted(cell[order], cell[order])  # index within its cell
     sizes = np.bincount(cell, minlength=40)
@@ -161,8 +193,13 @@ def scattered(x: np.ndarray, *others: np.ndarray, points: int = MAX_POINTS) -> t
 
 def binned(x: np.ndarray, *others: np.ndarray, bins: int = 24, least: int = 5) -> tuple[np.ndarray, ...]:
     """Means of all arrays in `bins` equal bins over the range of `x`, for bins with at least `least` samples."""
-    low, high = float(x.min()), float(x.max())
-    cell = np.minimum((bins * (x - low) / max(high - low, 1e-12)).astype(int), bins - 1)
+    cell = _cells(x, bins)
     count = np.bincount(cell, minlength=bins)
     kept = count >= min(least, max(1, len(x) // bins))
     return tuple(np.bincount(cell, weights=a, minlength=bins)[kept] / count[kept] for a in (x, *others))
+
+
+def _cells(x: np.ndarray, bins: int) -> np.ndarray:
+    """``(len(x),)`` index of the bin of each sample, of `bins` equal bins over the range of `x`."""
+    low, high = float(x.min()), float(x.max())
+    return np.minimum((bins * (x - low) / max(high - low, 1e-12)).astype(int), bins - 1)

@@ -1,20 +1,24 @@
-"""Text: a diagnosis as plain text for the terminal."""
+"""Text: a diagnosis as plain text for the terminal, and its causes and faults in words."""
 
 from __future__ import annotations
 
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from paxisim.augment.dead_taxels import DeadTaxels
+from paxisim.augment.failing_taxels import FailingTaxels
+from paxisim.augment.layout_faults import LayoutFault
+from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.explain.advice import NOT_ASKED
-from paxisim.diagnose.report.faults import fault_in_words
-
-if TYPE_CHECKING:
-    from paxisim.diagnose.result import FittedParameter, FoundCause, HeldOut, Place, Result, Symptoms, Verdict
+from paxisim.diagnose.report.effect import unwrapped
+from paxisim.diagnose.report.style import AXES
+from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, Verdict, pad_in_words
 
 TEXT_COLUMNS = 80
-MAX_LISTED = 8  # most elements of an array listed one by one; longer arrays are summarised by their range
+MAX_LISTED = 8  # most elements of an array, or taxels of a pad, listed one by one
 INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter's name
 
 SENTENCES: Mapping[Verdict, str] = {
@@ -26,13 +30,9 @@ SENTENCES: Mapping[Verdict, str] = {
     "unexplained": "The simulation differs from the measurement, and no known cause explains it.",
     "unrelated": "The two streams are not of the same motion, so nothing was fitted. See What remains.",
 }
-
-_AGREES = ("no_discrepancy", "clocks_differ")
 ONE_EPISODE = (
     "The causes below explain the difference, but a single episode cannot confirm them. Record several episodes."
 )
-
-
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
     "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
@@ -47,28 +47,23 @@ def is_of_one_episode(diagnosis: Result) -> bool:
 
 def text_of(diagnosis: Result) -> str:
     """Return the diagnosis as text, 80 columns wide."""
+    symptoms, extended = diagnosis.symptoms, bool(diagnosis.causes)
     sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
-    lines = [f"Verdict: {diagnosis.verdict}{clocks}", *_wrap(sentence, "  ")]
-    lines += _wrap(diagnosis.known, "  ")
-    lines += [line for warning in diagnosis.symptoms.warnings for line in _wrap(f"Warning: {warning}", "")]
-    lines += ["", *_table(diagnosis)] if diagnosis.causes else []
-    lines += ["", *_figures(diagnosis.heldout, bool(diagnosis.causes))] if diagnosis.verdict != "unrelated" else []
-    if diagnosis.symptoms.left_over:
-        lines += ["", "What remains"]
-        lines += [line for item in diagnosis.symptoms.left_over for line in _wrap(f"- {item.what}", "  ")]
-    if any((diagnosis.symptoms.axes, diagnosis.symptoms.phases)) and diagnosis.verdict not in _AGREES:
-        compared = ", before -> after" if diagnosis.causes else ""
-        lines += ["", f"Where the error is (share of its energy{compared})"]
-        lines += _places(diagnosis.symptoms, bool(diagnosis.causes))
-    reasons = reasons_of(diagnosis)
-    if reasons:
-        lines += ["", "Not testable with this recording"]
-        for reason, names in reasons.items():
-            lines += _wrap(f"- {', '.join(names)}: {reason}", "  ")
+    lines = [f"Verdict: {diagnosis.verdict}{clocks}", *_wrap("  ", sentence, diagnosis.known)]
+    lines += _wrap("", *(f"Warning: {warning}" for warning in symptoms.warnings))
+    lines += ["", *_table(diagnosis)] if extended else []
+    lines += ["", *_figures(diagnosis.heldout, extended)] if diagnosis.verdict != "unrelated" else []
+    if symptoms.left_over:
+        lines += ["", "What remains", *_wrap("  ", *(f"- {item.what}" for item in symptoms.left_over))]
+    if (symptoms.axes or symptoms.phases) and diagnosis.verdict not in ("no_discrepancy", "clocks_differ"):
+        compared = ", before -> after" if extended else ""
+        lines += ["", f"Where the error is (share of its energy{compared})", *_places(symptoms, extended)]
+    if reasons := reasons_of(diagnosis):
+        listed = (f"- {', '.join(names)}: {reason}" for reason, names in reasons.items())
+        lines += ["", "Not testable with this recording", *_wrap("  ", *listed)]
     if diagnosis.advice:
-        lines += ["", "Record next"]
-        lines += [line for item in diagnosis.advice for line in _wrap(f"- {item}", "  ")]
+        lines += ["", "Record next", *_wrap("  ", *(f"- {item}" for item in diagnosis.advice))]
     return "\n".join(lines)
 
 
@@ -81,8 +76,9 @@ def reasons_of(diagnosis: Result) -> dict[str, list[str]]:
     return reasons
 
 
-def _wrap(text: str, indent: str) -> list[str]:
-    return textwrap.wrap(text, TEXT_COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
+def _wrap(indent: str, *texts: str) -> list[str]:
+    wrapper = textwrap.TextWrapper(TEXT_COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
+    return [line for text in texts for line in wrapper.wrap(text)]
 
 
 def _table(diagnosis: Result) -> list[str]:
@@ -94,19 +90,12 @@ def _table(diagnosis: Result) -> list[str]:
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         for part in cause.parts:
             own = [p for p in cause.parameters if p.name in part.parameters]
-            lines += _wrap(f"{part.name}, {part.words}: explains {part.gain.percent}; {_listed(own)}", "  ")
-        rest = outside_parts(cause)
-        lines += _wrap(fault_in_words(diagnosis, cause.name) or _listed(rest), "  ")
-        for name, words in meanings(rest):
-            lines += _wrap(f"({name}: {words})", "  ")
-        lines += _wrap(cause.evidence, "  ")
-    return [*lines, "", *_wrap(EXPLAINS, ""), *_wrap(CONFIDENCE, "")]
-
-
-def outside_parts(cause: FoundCause) -> list[FittedParameter]:
-    """Return the parameters of a cause that belong to none of its parts."""
-    in_parts = {name for part in cause.parts for name in part.parameters}
-    return [p for p in cause.parameters if p.name not in in_parts]
+            lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent}; {_listed(own)}")
+        in_parts = {name for part in cause.parts for name in part.parameters}
+        rest = [p for p in cause.parameters if p.name not in in_parts]
+        explained = (f"({name}: {words})" for name, words in meanings(rest))
+        lines += _wrap("  ", fault_in_words(diagnosis, cause.name) or _listed(rest), *explained, cause.evidence)
+    return [*lines, "", *_wrap("", EXPLAINS, CONFIDENCE)]
 
 
 def _listed(parameters: Sequence[FittedParameter]) -> str:
@@ -116,13 +105,13 @@ def _listed(parameters: Sequence[FittedParameter]) -> str:
 def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
     """Return names and values of the parameters as text; long arrays are summarised by their range."""
     lines = []
-    for own in _arrays(parameters).values():
+    for name, own in _arrays(parameters).items():
         values = [p.value.value for p in own]
+        units = ["" if p.unit == "1" else f" {p.unit}" for p in own]
         if len(own) > MAX_LISTED:
-            name = INDEX.sub("", own[0].name)
-            lines.append((name, f"{len(own)} numbers from {min(values):.3g} to {max(values):.3g}{_unit(own[0])}"))
+            lines.append((name, f"{len(own)} numbers from {min(values):.3g} to {max(values):.3g}{units[0]}"))
         else:
-            lines += [(p.name, f"{p.value}{_unit(p)}") for p in own]
+            lines += [(p.name, f"{p.value}{unit}") for p, unit in zip(own, units, strict=True)]
     return lines
 
 
@@ -140,23 +129,18 @@ def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
     return [(p.name, p.words) for p in listed if p.words]
 
 
-def _unit(parameter: FittedParameter) -> str:
-    return "" if parameter.unit == "1" else f" {parameter.unit}"
-
-
 def _figures(heldout: HeldOut, extended: bool) -> list[str]:
     after = f", extended model {heldout.nrmse_after:.1%}" if extended else ""
     errors = f"simulation {heldout.nrmse_before:.1%}{after}, noise floor {heldout.noise_floor:.1%}"
     if heldout.ceiling_nrmse is not None:
         errors += f", black box {heldout.ceiling_nrmse:.1%}"
-    lines = ["Held-out error (normalised RMSE)", f"  {errors}"]
+    shares = beyond = ""
     if extended and heldout.explained is not None:
         shares = f"the extended model explains {heldout.explained.percent} of the explainable error"
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
-        lines += _wrap(shares, "  ")
-    beyond = black_box_in_words(heldout) if extended else ""
-    return lines + [line for text in (beyond, heldout.note) if text for line in _wrap(text, "  ")]
+        beyond = black_box_in_words(heldout)
+    return ["Held-out error (normalised RMSE)", f"  {errors}", *_wrap("  ", shares, beyond, heldout.note)]
 
 
 def black_box_in_words(heldout: HeldOut) -> str:
@@ -164,18 +148,77 @@ def black_box_in_words(heldout: HeldOut) -> str:
     ceiling, explained = heldout.ceiling_explained, heldout.explained
     if ceiling is None or explained is None or ceiling <= (explained.high or explained.value):
         return ""
-    return (
-        f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part depends "
-        "on the forces and their history, but no known cause describes it."
-    )
+    words = f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part "
+    return words + "depends on the forces and their history, but no known cause describes it."
 
 
 def _places(symptoms: Symptoms, extended: bool) -> list[str]:
     lines = []
     for title in ("pads", "axes", "phases", "frequencies", "taxels"):
-        places: tuple[Place, ...] = getattr(symptoms, title)
-        shown = sorted(places, key=lambda place: -place.before)[:4]
-        after = [f" -> {place.after:.0%}" if extended else "" for place in shown]
-        text = ", ".join(f"{place.where} {place.before:.0%}{now}" for place, now in zip(shown, after, strict=True))
-        lines += _wrap(f"{title}: {text}", "  ") if text else []
+        shown = sorted(getattr(symptoms, title), key=lambda place: -place.before)[:4]
+        texts = [f"{p.where} {p.before:.0%}" + (f" -> {p.after:.0%}" if extended else "") for p in shown]
+        lines += _wrap("  ", f"{title}: {', '.join(texts)}") if texts else []
     return lines
+
+
+def fault_in_words(diagnosis: Result, name: str) -> str:
+    """Describe a layout fault, swapped taxels or dead taxels; empty for other causes."""
+    member = unwrapped(diagnosis.model[name]) if name in diagnosis.model.names else None
+    pads = [place.where for place in diagnosis.symptoms.pads]
+    words: list[str] = []
+    if isinstance(member, LayoutFault):
+        words = _layout(member, pads)
+    elif isinstance(member, SwappedTaxels):
+        for pad in sorted({pair[0] for pair in member.pairs}):
+            own = [f"({r}, {c}) and ({s}, {d})" for p, r, c, s, d in member.pairs if p == pad]
+            words.append(f"{_pad(pads, pad)} {_first(own)} swapped")
+    elif isinstance(member, DeadTaxels):
+        for which, what in ((member.dead, "no response"), (member.stuck, "stuck")):
+            places = np.argwhere(np.asarray(which) > 0)
+            named = []
+            for pad in np.unique(places[:, 0]):
+                own = [f"({row}, {col}){_since(member, p, row, col)}" for p, row, col in places if p == pad]
+                named.append(f"{_pad(pads, pad)} {_first(own)}")
+            words += [f"{what}: {', '.join(named)}"] if named else []
+    return "; ".join(words)
+
+
+def _layout(fault: LayoutFault, pads: Sequence[str]) -> list[str]:
+    words = ["rows and columns swapped"] if fault.transpose else []
+    flipped = [name for name, flip in (("rows", fault.flip_rows), ("columns", fault.flip_cols)) if flip]
+    words += [f"{' and '.join(flipped)} reversed"] if flipped else []
+    words += _moved(fault.axis_order, AXES)
+    signs = [AXES[axis] for axis, sign in enumerate(fault.axis_signs) if sign < 0]
+    words += [f"sign of {' and '.join(signs)} reversed"] if signs else []
+    order = fault.pad_order or ()
+    return words + _moved(order, [_pad(pads, number) for number in range(len(order))])
+
+
+def _moved(order: Sequence[int], names: Sequence[str]) -> list[str]:
+    moved = [(names[came], names[place]) for place, came in enumerate(order) if came != place]
+    if len(moved) == 2:
+        return [f"{moved[1][0]} and {moved[0][0]} swapped"]
+    return [", ".join(f"{came} read as {place}" for came, place in moved)] if moved else []
+
+
+def _since(fault: DeadTaxels, pad: int, row: int, col: int) -> str:
+    """Say which axes of a taxel have failed and since when; empty for all axes from the start."""
+    if not isinstance(fault, FailingTaxels):
+        return ""
+    grid = np.broadcast_shapes(np.shape(fault.dead), np.shape(fault.stuck))
+    since = np.broadcast_to(np.asarray(fault.since, dtype=float), (grid[0], 3, *grid[1:]))[pad, :, row, col]
+    words = ""
+    for moment in np.unique(since[np.isfinite(since)]):
+        axes = [axis for axis, own in zip(AXES, since, strict=True) if own == moment]
+        words += f" {' and '.join(axes)}" if len(axes) < len(AXES) else ""
+        words += f" since {moment:.1f} s" if moment > 0 else ""
+    return words
+
+
+def _first(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return f"{', '.join(names[:MAX_LISTED])}{more}"
+
+
+def _pad(pads: Sequence[str], number: int) -> str:
+    return pad_in_words(pads[number] if number < len(pads) else str(number))
