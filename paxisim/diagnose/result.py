@@ -26,6 +26,12 @@ Verdict = Literal[
 ]
 
 
+def percentage(share: float, digits: int = 0) -> str:
+    """Format a share in percent; what is all of something to within its error is "over 99%", never "100%"."""
+    step = 10.0 ** -(digits + 2)
+    return f"over {1 - step:.{digits}%}" if 1 - step / 2 <= share <= 1.005 else f"{share:.{digits}%}"
+
+
 @dataclass(frozen=True)
 class Interval:
     """An estimate with its 90% confidence interval.
@@ -51,12 +57,10 @@ class Interval:
             return f"{self.value:.3g}"
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
 
-    @property
-    def percent(self) -> str:
-        """``12.0% [10.0%, 14.0%]``."""
-        if self.low is None or self.high is None:
-            return f"{self.value:.1%}"
-        return f"{self.value:.1%} [{self.low:.1%}, {self.high:.1%}]"
+    def percent(self, digits: int = 1) -> str:
+        """``12.0% [10.0%, 14.0%]``, without an interval that does not show at this number of digits."""
+        value, low, high = (percentage(own, digits) for own in (self.value, *self.ends))
+        return value if low == value == high else f"{value} [{low}, {high}]"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def test_what_a_sensor_reads_without_force_is_named(cause):
     assert repr(found).startswith(f"<Diagnosis: explained; causes: {cause}; held-out error ")
     assert "\n" not in repr(found)
     page = found._repr_html_()
-    assert f"{cause.capitalize()} explains the difference" in page
+    assert f"Explained by {cause} (" in page
     assert f"<td>{cause}</td>" in page
 
 

@@ -75,7 +75,7 @@ def _dropped(dropped: Mapping[str, Interval]) -> tuple[str, ...]:
     """Return warnings about causes that may explain nothing."""
     return tuple(
         f"{name} was fitted but not named: it reduces the error of the held-out episodes that it affects by "
-        f"{share.percent}, which may be no improvement at all"
+        f"{share.percent()}, which may be no improvement at all"
         for name, share in dropped.items()
     )
 

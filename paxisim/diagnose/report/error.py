@@ -34,8 +34,7 @@ def percent(value: Interval | float) -> str:
     """Format a share in percent with its interval, without meaningless digits for a failing black box."""
     if not isinstance(value, Interval):
         return f"{value:.1%}" if value < 10 else "over 1000%"
-    interval = "" if value.low is None or value.high is None else f" [{value.low:.0%}, {value.high:.0%}]"
-    return f"{value.value:.0%}{interval}"
+    return value.percent(digits=0)
 
 
 def _sizes(heldout: HeldOut, extended: bool) -> Picture:

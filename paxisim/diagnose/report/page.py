@@ -21,30 +21,8 @@ from paxisim.diagnose.report.maps import kernel, mapping, silent_map, taxel_map,
 from paxisim.diagnose.report.scene import closing, height_map, mount, slip
 from paxisim.diagnose.report.style import Picture, drawing
 from paxisim.diagnose.report.timing import covariate, edges, holds, plain, shift
-from paxisim.diagnose.result import Result
+from paxisim.diagnose.result import Result, percentage
 from paxisim.errors import MissingExtraError
-
-HEADS = {
-    "no_discrepancy": "The simulation agrees with the measurement",
-    "clocks_differ": "The clocks of the two streams differ",
-    "explained": "{causes} explain{s} the difference",
-    "ambiguous": "{causes} may explain the difference, but other causes fit equally well",
-    "partly_explained": "{causes} explain{s} part of the difference",
-    "unexplained": "The simulation differs from the measurement, and no known cause explains it",
-    "unrelated": "The two streams are not of the same motion",
-}
-TAILS = {
-    "no_discrepancy": "The residual is within noise and tolerances.",
-    "clocks_differ": "Once they are aligned, the residual is within noise and tolerances.",
-    "explained": "The residual shows no further structure.",
-    "ambiguous": "This recording cannot separate the rival causes. See What to record next.",
-    "partly_explained": "Structure remains, a cause is a near miss, or a parameter is at its bound. See What remains.",
-    "unexplained": "The residual has structure, so it is not just noise. See What remains.",
-    "unrelated": "Nothing was fitted. See What remains and What to record next.",
-}
-ONE_EPISODE_HEAD = "{causes} may explain the difference"
-ONE_EPISODE_TAIL = "A single episode cannot confirm a cause. Record several episodes."
-
 
 PICTURES: Mapping[str, Callable[[Effect], list[Picture]]] = {
     "axes": axes_mixed,
@@ -87,7 +65,7 @@ def page(diagnosis: Result) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    environment.filters["percent"] = percent
+    environment.filters |= {"percent": percent, "percentage": percentage}
     template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(_context(diagnosis))
 
@@ -95,13 +73,13 @@ def page(diagnosis: Result) -> str:
 def head(diagnosis: Result) -> str:
     """Return the head of the report as HTML: the verdict, and the causes with their gains."""
     figures = diagnosis.heldout
-    lines = [f"<h4>{escape(_title(diagnosis))}</h4>", f"<p>{escape(_sentence(diagnosis))}</p>"]
+    lines = [f"<h4>{escape(text.headline(diagnosis))}</h4>", f"<p>{escape(text.tail(diagnosis))}</p>"]
     if diagnosis.causes:
         error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
         lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
         cells = [("cause", "explains", "confidence", "rivals")]
         for item in diagnosis.causes:
-            sure = f"{diagnosis.confidence.get(item.name, 0):.0%}"
+            sure = percentage(diagnosis.confidence.get(item.name, 0))
             cells.append((item.name, percent(item.gain), sure, ", ".join(item.rivals) or "none"))
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
         lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
@@ -139,8 +117,8 @@ def _context(diagnosis: Result) -> dict[str, Any]:
     return {
         **pictures,
         "diagnosis": diagnosis,
-        "head": _title(diagnosis),
-        "sentence": _sentence(diagnosis),
+        "head": text.headline(diagnosis),
+        "sentence": text.tail(diagnosis),
         "causes": causes,
         "confidence_in_words": text.CONFIDENCE,
         "explains_in_words": text.EXPLAINS,
@@ -152,18 +130,6 @@ def _context(diagnosis: Result) -> dict[str, Any]:
         "reads_ahead": _reads_ahead(model),
         "version": __version__,
     }
-
-
-def _title(diagnosis: Result) -> str:
-    names = [cause.name.replace("_", " ") for cause in diagnosis.causes]
-    joined = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)
-    words = ONE_EPISODE_HEAD if text.is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]
-    words = words.format(causes=joined, s="s" if len(names) == 1 else "")
-    return words[:1].upper() + words[1:]
-
-
-def _sentence(diagnosis: Result) -> str:
-    return ONE_EPISODE_TAIL if text.is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
 
 
 def _reads_ahead(model: Chain) -> bool:

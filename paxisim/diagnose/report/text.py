@@ -15,24 +15,35 @@ from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.report.effect import unwrapped
 from paxisim.diagnose.report.style import AXES
-from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, Verdict, pad_in_words
+from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, Verdict, pad_in_words, percentage
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array, or taxels of a pad, listed one by one
 INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter's name
 
-SENTENCES: Mapping[Verdict, str] = {
-    "no_discrepancy": "The simulation agrees with the measurement within noise and tolerances.",
-    "clocks_differ": "The clocks of the two streams differ. Once they are aligned, the simulation agrees.",
-    "explained": "The causes below explain the difference; the residual shows no further structure.",
-    "ambiguous": "The causes below explain the difference, but so do their rivals. See Record next.",
-    "partly_explained": "The causes below explain part of the difference. See What remains.",
-    "unexplained": "The simulation differs from the measurement, and no known cause explains it.",
-    "unrelated": "The two streams are not of the same motion, so nothing was fitted. See What remains.",
+HEADS: Mapping[Verdict, str] = {
+    "no_discrepancy": "The simulation agrees with the measurement",
+    "clocks_differ": "The clocks of the two streams differ",
+    "explained": "Explained by {}",
+    "ambiguous": "Explained by {}",
+    "partly_explained": "Partly explained by {}",
+    "unexplained": "The simulation differs from the measurement, and no known cause explains it",
+    "unrelated": "The two streams are not of the same motion",
 }
-ONE_EPISODE = (
-    "The causes below explain the difference, but a single episode cannot confirm them. Record several episodes."
+TAILS: Mapping[Verdict, str] = {
+    "no_discrepancy": "The residual is within noise and tolerances.",
+    "clocks_differ": "Once they are aligned, the residual is within noise and tolerances.",
+    "explained": "The residual shows no further structure.",
+    "ambiguous": "This recording cannot tell the rivals apart. See What to record next.",
+    "partly_explained": "Structure remains, a cause is a near miss, or a parameter is at its bound. See What remains.",
+    "unexplained": "The residual has structure, so it is not just noise. See What remains.",
+    "unrelated": "Nothing was fitted. See What remains and What to record next.",
+}
+ONE_EPISODE_HEAD, ONE_EPISODE_TAIL = (
+    "Perhaps explained by {}",
+    "A single episode cannot confirm a cause. Record several episodes.",
 )
+IN_HEAD = 3  # causes that a headline names
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
     "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
@@ -45,12 +56,31 @@ def is_of_one_episode(diagnosis: Result) -> bool:
     return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
 
 
+def headline(diagnosis: Result) -> str:
+    """Return what the diagnosis found, in a line: the causes with their rivals and gains, or that there is none."""
+    named = [
+        f"{' or '.join([cause.name, *cause.rivals]).replace('_', ' ')} ({percentage(cause.gain.value)})"
+        for cause in diagnosis.causes
+    ]
+    if len(named) > IN_HEAD:
+        named[IN_HEAD - 1 :] = [f"{len(named) - IN_HEAD + 1} more causes"]
+    joined = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
+    return (ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]).format(joined)
+
+
+def tail(diagnosis: Result) -> str:
+    """Return what follows from the verdict, in a sentence or two."""
+    return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
+
+
 def text_of(diagnosis: Result) -> str:
     """Return the diagnosis as text, 80 columns wide."""
     symptoms, extended = diagnosis.symptoms, bool(diagnosis.causes)
-    sentence = ONE_EPISODE if is_of_one_episode(diagnosis) else SENTENCES[diagnosis.verdict]
     clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
-    lines = [f"Verdict: {diagnosis.verdict}{clocks}", *_wrap("  ", sentence, diagnosis.known)]
+    lines = [
+        f"Verdict: {diagnosis.verdict}{clocks}",
+        *_wrap("  ", f"{headline(diagnosis)}. {tail(diagnosis)}", diagnosis.known),
+    ]
     lines += _wrap("", *(f"Warning: {warning}" for warning in symptoms.warnings))
     lines += ["", *_table(diagnosis)] if extended else []
     lines += ["", *_figures(diagnosis.heldout, extended)] if diagnosis.verdict != "unrelated" else []
@@ -63,7 +93,7 @@ def text_of(diagnosis: Result) -> str:
         listed = (f"- {', '.join(names)}: {reason}" for reason, names in reasons.items())
         lines += ["", "Not testable with this recording", *_wrap("  ", *listed)]
     if diagnosis.advice:
-        lines += ["", "Record next", *_wrap("  ", *(f"- {item}" for item in diagnosis.advice))]
+        lines += ["", "What to record next", *_wrap("  ", *(f"- {item}" for item in diagnosis.advice))]
     return "\n".join(lines)
 
 
@@ -85,12 +115,13 @@ def _table(diagnosis: Result) -> list[str]:
     lines = [f"{'Cause':<16}{'explains':<26}{'confidence':>10}  rivals"]
     for cause in diagnosis.causes:
         rivals = ", ".join(cause.rivals) or "none"
-        head = f"{cause.name[:15]:<16}{cause.gain.percent:<26}{diagnosis.confidence.get(cause.name, 0):>10.0%}  "
+        confidence = percentage(diagnosis.confidence.get(cause.name, 0))
+        head = f"{cause.name[:15]:<16}{cause.gain.percent():<26}{confidence:>10}  "
         first, *rest = textwrap.wrap(rivals, TEXT_COLUMNS - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         for part in cause.parts:
             own = [p for p in cause.parameters if p.name in part.parameters]
-            lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent}; {_listed(own)}")
+            lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent()}; {_listed(own)}")
         in_parts = {name for part in cause.parts for name in part.parameters}
         rest = [p for p in cause.parameters if p.name not in in_parts]
         explained = (f"({name}: {words})" for name, words in meanings(rest))
@@ -136,7 +167,7 @@ def _figures(heldout: HeldOut, extended: bool) -> list[str]:
         errors += f", black box {heldout.ceiling_nrmse:.1%}"
     shares = beyond = ""
     if extended and heldout.explained is not None:
-        shares = f"the extended model explains {heldout.explained.percent} of the explainable error"
+        shares = f"the extended model explains {heldout.explained.percent()} of the explainable error"
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
         beyond = black_box_in_words(heldout)
