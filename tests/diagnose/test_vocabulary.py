@@ -47,6 +47,11 @@ def test_the_causes_that_come_with_paxisim_are_a_tuple_in_the_order_of_the_chain
         assert isinstance(item, Cause)
 
 
+def test_a_cause_is_of_one_of_the_kinds(own):
+    with pytest.raises(InvalidValueError, match="must be a FittedCause, .* got Cause"):
+        register_cause(Cause(name="own", order=62))
+
+
 def test_a_name_is_taken_once(own):
     with pytest.raises(InvalidValueError, match="there is a cause 'creep' already"):
         register_cause(pad_gain("creep"))

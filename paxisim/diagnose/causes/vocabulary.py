@@ -12,7 +12,7 @@ from paxisim.diagnose.causes.drift import DRIFT
 from paxisim.diagnose.causes.gel_operator import GEL_OPERATOR
 from paxisim.diagnose.causes.hysteresis import HYSTERESIS
 from paxisim.diagnose.causes.interference import INTERFERENCE
-from paxisim.diagnose.causes.kinds import Cause, FittedCause
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, DetectedCause, FittedCause, PerChannelCause
 from paxisim.diagnose.causes.latency import LATENCY
 from paxisim.diagnose.causes.layout import LAYOUT
 from paxisim.diagnose.causes.low_pass import LOW_PASS
@@ -58,8 +58,13 @@ def register_cause(cause: Cause) -> None:
     """Add a cause to those that a diagnosis looks for.
 
     Raises:
-        InvalidValueError: A cause of that name already exists.
+        InvalidValueError: It is none of the four kinds, or a cause of that name already exists.
     """
+    if not isinstance(cause, (FittedCause, PerChannelCause, BaselineCause, DetectedCause)):
+        raise InvalidValueError(
+            "a cause must be a FittedCause, PerChannelCause, BaselineCause or DetectedCause, got "
+            f"{type(cause).__name__}: see docs/how-to/add-a-cause.md"
+        )
     if cause.name in known_causes():
         raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
     _ADDED.append(cause)
