@@ -48,7 +48,7 @@ def test_the_causes_that_come_with_paxisim_are_a_tuple_in_the_order_of_the_chain
 
 
 def test_a_cause_is_of_one_of_the_kinds(own):
-    with pytest.raises(InvalidValueError, match="must be a FittedCause, .* got Cause"):
+    with pytest.raises(InvalidValueError, match=r"must be a FittedCause, .* got Cause"):
         register_cause(Cause(name="own", order=62))
 
 
