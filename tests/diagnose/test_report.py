@@ -62,7 +62,7 @@ def test_two_causes_each_with_its_pictures_and_figures(two, pages):
     page = pages["two"]
     assert {c.name for c in two.causes} == {"rotation", "latency"}
     first, second = names(two)
-    assert re.search(rf"<h1>Explained by {first}[a-z ]* \(\d+%\) and {second}[a-z ]* \(\d+%\)</h1>", page)
+    assert re.search(rf"<h1>(Partly e|E)xplained by {first}[a-z ]* \(\d+%\) and {second}[a-z ]* \(\d+%\)</h1>", page)
     for each in two.causes:
         section = section_of(page, each.name)
         assert len(titles_of(section)) == 2
