@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded import diagnosed, names, small
 
+import paxisim
 import paxisim.diagnose as package
 from paxisim.augment.chain import Chain
 from paxisim.diagnose import Diagnosis
@@ -229,6 +230,15 @@ def test_a_copy_is_told_and_is_no_discrepancy(plain, tmp_path):
     found.save(tmp_path)
     assert str(Diagnosis.load(tmp_path)) == str(found)
     assert "Where the error is" not in found.report()
+
+
+def test_an_episode_that_is_in_the_recording_twice_counts_once(rotated, turned):
+    first = next(turned.episodes())
+    again = changed(first, time=first.time + turned.time[-1] + 5 - first.time[0])
+    found = diagnose(paxisim.Recording.concatenate([turned, again]), CAUSES, seed=1)
+    assert "episode 8 is an exact copy of episode 0 and was left out" in found.symptoms.warnings
+    assert found.causes == rotated.causes
+    assert found.heldout == rotated.heldout
 
 
 def test_one_short_press_gives_no_certainty(turned):

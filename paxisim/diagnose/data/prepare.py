@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import sha256
 
 import numpy as np
 
@@ -45,7 +46,7 @@ def prepare(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
                 f"a diagnosis compares two streams, but the recording has no {name} tensor: {other}"
             )
     warnings: list[str] = []
-    recording = _known(recording, warnings)
+    recording = _without_copies(_known(recording, warnings), warnings)
     seconds, frames = recording.duration, len(recording)
     if seconds < STREAMS.seconds or frames < STREAMS.frames:
         raise InvalidValueError(
@@ -130,6 +131,28 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         raise InvalidValueError("no episode has 4 samples with both streams")
     recording = replace(recording, episode=names[piece])
     return recording if enough.all() else recording[enough]
+
+
+def _without_copies(recording: Recording, warnings: list[str]) -> Recording:
+    """The recording without episodes that repeat an earlier one exactly, as files that were merged twice do.
+
+    A copy is no second measurement: its difference to the original would show a sensor without noise.
+    """
+    assert recording.measured is not None
+    assert recording.simulated is not None
+    kept = np.ones(len(recording), dtype=bool)
+    first: dict[bytes, int] = {}
+    for span in episode_spans(recording.episode):
+        measured, simulated = recording.measured[span], recording.simulated[span]
+        if not np.ptp(measured, axis=0).any():  # nothing was read
+            continue
+        number = int(recording.episode[span.start])
+        key = sha256(measured.tobytes() + simulated.tobytes()).digest()
+        if key in first:
+            kept[span] = False
+            warnings.append(f"episode {number} is an exact copy of episode {first[key]} and was left out")
+        first.setdefault(key, number)
+    return recording if kept.all() else recording[kept]
 
 
 def _without_missing(recording: Recording, warnings: list[str]) -> Recording:
