@@ -36,9 +36,10 @@ from paxisim.diagnose.stages import Ready, confirm, scorer_of, wanted_of
 
 KINDS = {"single": "exact singles", "pair": "exact pairs", "null": "false names in nulls"}
 BASELINE = "as they are"
-OF_FOLDS = ("folds", "few_episodes", "lone", "gap")
+OF_SCORER = ("folds", "few_episodes", "lone", "gap", "half", "in_sample", "single_starts", "gauge_step", "gauge_tie")
+"""Rules for which the fits and rankings of another row are of no use."""
 OF_CAUSES = ("misfit", "price")
-SHARES = frozenset({"explains", "lone", "near_miss", "promise", "tie"})
+SHARES = frozenset({"explains", "half", "in_sample", "lone", "near_miss", "promise", "tie"})
 """Rules that are shares; at 1 or more they would require the whole or more."""
 MOST_SHARE = 0.99
 LEAST = {"folds": 2, "few_episodes": 2, "contest": 1, "pairs": 0, "most": 1}
@@ -93,7 +94,7 @@ def named(rows: Sequence[Change], task: Task) -> list[tuple[str, ...]]:
         scorers: dict[tuple[float, ...], Scorer] = {}
         answers = []
         for row in rows:
-            folds = tuple(getattr(row.rules, name) for name in OF_FOLDS)
+            folds = tuple(getattr(row.rules, name) for name in OF_SCORER)
             if folds not in scorers:
                 scorers[folds] = scorer_of(ready, 1, silently, row.rules)
             scorer = copy.copy(scorers[folds])  # keeps the fits of the previous rows

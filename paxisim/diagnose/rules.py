@@ -33,6 +33,14 @@ class Rules:
         near_miss: Share of the required gain above which a cause that is not named is mentioned.
         explains: Smallest share of the explainable error that the named causes together must explain if clear structure
             remains in the residual.
+        half: Least share of an effect in each half of an episode that is split in the middle.
+        in_sample: Weight of an in-sample gain in the ranking of candidates, as a single fold may be the only one to
+            show an effect.
+        single_starts: Most starts of a cause that are also ranked one at a time.
+        gauge_step: Relative change of the gain for the effect of a gauge.
+        gauge_tie: Relative difference up to which a gauge alone promises as much as its cause.
+        afresh: Number of causes from which no fit is repeated from the causes' own starts.
+        rounds: Most rounds of adding, exchanging and dropping.
         visible: Factor on `material`: energy by which a cause at its starts must change the reading to be testable.
     """
 
@@ -51,6 +59,13 @@ class Rules:
     tie: float = 0.01
     near_miss: float = 0.6
     explains: float = 0.2
+    half: float = 0.1
+    in_sample: float = 0.5
+    single_starts: int = 8
+    gauge_step: float = 0.05
+    gauge_tie: float = 0.01
+    afresh: int = 2
+    rounds: int = 6
     visible: float = 2.0
 
 
@@ -209,3 +224,104 @@ class Streams:
 
 
 STREAMS = Streams()
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How precisely a set of causes is fitted.
+
+    Attributes:
+        values: Number of values that suffice for a fit; longer recordings are thinned.
+        ranked_values: The same for a ranking.
+        interval: Longest interval between fitted frames, in seconds.
+        interpolation: Largest error of interpolating the simulation between fitted frames, in noise energies.
+        step: Finite-difference step, relative to a parameter's scale.
+        channel_step: Finite-difference step of the array of a `PerChannelCause`.
+        steps: Most Gauss-Newton steps.
+        dampings: Most damping values tried for a step.
+        trusted: Actual decrease of the energy, relative to the predicted one, below which the Jacobian is recomputed.
+        converged: Relative decrease of the energy below which the descent stops.
+        refits: Most evaluations for a fold.
+        unsettled: Predicted decrease per channel, in units of the noise, below which a fold's fit stops.
+        zero_rounds: Most alternations between fitting the zero offset and the other parameters.
+        settled: Relative decrease of the energy below which the alternation stops.
+        zero_steps: Gauss-Newton steps for a zero offset that the sensor reads nonlinearly.
+        chord: Interval for the slope of the mean reading, in units of the noise before rounding.
+        chords: Its limits, in quantisation steps.
+    """
+
+    values: int = 100_000
+    ranked_values: int = 60_000
+    interval: float = 0.05
+    interpolation: float = 0.01
+    step: float = 0.05
+    channel_step: float = 0.02
+    steps: int = 15
+    dampings: int = 5
+    trusted: float = 0.5
+    converged: float = 1e-4
+    refits: int = 4
+    unsettled: float = 0.02
+    zero_rounds: int = 4
+    settled: float = 2e-3
+    zero_steps: int = 3
+    chord: float = 1.5
+    chords: tuple[float, float] = (0.05, 0.2)
+
+
+FITTING = Fitting()
+
+
+@dataclass(frozen=True)
+class NoiseLimits:
+    """Limits for the estimates of noise, rounding and the zero offset.
+
+    Attributes:
+        rest: Least share of samples at rest for estimating the zero offset from them alone.
+        samples: Fewest samples of an episode that count.
+        piece: Length of the pieces whose scatter gives the uncertainty of the zero offset, in seconds.
+        nearly_step: Tolerance of a gap between readings, in quantisation steps.
+        common: Least share of the gaps that are one step.
+        shifted: Phase above which readings are not multiples of the step, in steps.
+        coarse: Noise below which differences between readings are a poor estimate of it, in steps.
+        smooth: Noise above which the standard deviation at rest determines it, in steps.
+        steep: Noise below which the mean reading is a staircase, in steps.
+        hidden: Noise that may be invisible at rest, in steps.
+        unsure: Relative uncertainty of the force, from calibration and contact position, which smooths the steps.
+        pressed: Force above which clipping at 0 does not affect the noise, as a share of the largest.
+        held: Time of constant force after which a slow sensor has settled, in seconds.
+        lag: Time between compared counts, long enough to include some slow noise, in seconds.
+        held_change: Change of a held force in that time, in steps.
+        moving_change: The same if too few samples are held.
+        compared: Fewest compared counts.
+        kept_variance: Share of the variance of the covariates that their principal components retain.
+        directions: Most principal components.
+        constant: Relative spread up to which a covariate is constant.
+        free_spread: Least spread of a covariate without contact, relative to the whole; below it, force confounds the
+            effect.
+    """
+
+    rest: float = 0.05
+    samples: int = 4
+    piece: float = 1.0
+    nearly_step: float = 0.03
+    common: float = 0.15
+    shifted: float = 0.1
+    coarse: float = 1.2
+    smooth: float = 0.6
+    steep: float = 0.25
+    hidden: float = 0.15
+    unsure: float = 0.02
+    pressed: float = 0.2
+    held: float = 0.3
+    lag: float = 0.15
+    held_change: float = 0.1
+    moving_change: float = 0.2
+    compared: int = 300
+    kept_variance: float = 0.99
+    directions: int = 6
+    constant: float = 1e-9
+    free_spread: float = 0.25
+
+
+NOISE = NoiseLimits()

@@ -9,9 +9,6 @@ import numpy as np
 from paxisim.diagnose.causes.kinds import FittedCause
 from paxisim.diagnose.scorer.scorer import Scorer
 
-AFRESH = 2  # number of causes from which no fit is repeated from the causes' own starts
-MAX_ROUNDS = 6  # most rounds of adding, exchanging and dropping
-
 
 def search(scorer: Scorer) -> tuple[str, ...]:
     """The names of the causes that pass the scorer's test, with the nuisances fitted beside them."""
@@ -55,7 +52,7 @@ def rivals_in_place(scorer: Scorer, names: Sequence[str], name: str) -> tuple[st
 def _climbed(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
     """The set reached by adding, exchanging and dropping causes until nothing improves."""
     seen: set[frozenset[str]] = set()
-    for _ in range(MAX_ROUNDS):
+    for _ in range(scorer.rules.rounds):
         shown = scorer.shown(chosen)
         beside = f"looking for a cause beside {', '.join(shown)}" if shown else "looking for the first cause"
         scorer.begin(beside)
@@ -109,7 +106,7 @@ def _added(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
     sets = [(*chosen, *extra) for extra in (*candidates, *_pairs(scorer, chosen))]
     scorer.fit_all(sets, scorer.fit(chosen))
     promised = {name: gain for gain, name in scorer.ranked(chosen)}
-    begun = len(scorer.shown(chosen)) < AFRESH
+    begun = len(scorer.shown(chosen)) < scorer.rules.afresh
     scorer.fit_afresh([names for names in sets if begun and _falls_short(scorer, chosen, names, promised)])
     better = [names for names in sets if scorer.objective(names) < scorer.objective(chosen)]
     kept = [names for names in better if all(scorer.evidence(names, n).kept for n in names if n not in chosen)]

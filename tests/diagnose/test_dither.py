@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from paxisim.diagnose.data.noise_floor import HIDDEN_NOISE, dither_of
+from paxisim.diagnose.data.noise_floor import dither_of
+from paxisim.diagnose.rules import NOISE as LIMITS
 
 EPISODES, FRAMES, STEP, INTERVAL = 10, 80, 0.1, 0.02
 SIZE = (2, 3, 4, 3)
@@ -54,7 +55,7 @@ def test_a_force_that_moves_faster_than_simulated_is_not_taken_for_noise():
     rng = np.random.default_rng(8)
     slowly, fast = held(rng, slope=0.5 * STEP), held(rng, slope=5 * STEP)
     assert found(counts(1.1 * slowly, 0.1 * STEP, rng), slowly) == pytest.approx(0.1 * STEP, rel=0.3)
-    assert found(counts(1.1 * fast, 0.1 * STEP, rng), fast) == HIDDEN_NOISE * STEP
+    assert found(counts(1.1 * fast, 0.1 * STEP, rng), fast) == LIMITS.hidden * STEP
 
 
 def test_a_slow_sensor_is_given_time_to_settle_and_what_a_press_leaves_behind_is_no_noise():
@@ -71,7 +72,7 @@ def test_a_slow_sensor_is_given_time_to_settle_and_what_a_press_leaves_behind_is
 def test_noise_is_a_guess_where_hardly_a_force_passes_a_step():
     rng = np.random.default_rng(1)
     force = held(rng, largest=0.9 * STEP)
-    assert found(counts(force, 0.05 * STEP, rng), force) == HIDDEN_NOISE * STEP
+    assert found(counts(force, 0.05 * STEP, rng), force) == LIMITS.hidden * STEP
 
 
 def test_a_sensor_without_steps_and_one_that_is_always_pressed():

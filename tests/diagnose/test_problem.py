@@ -11,7 +11,7 @@ from paxisim.diagnose.data import prepare as preparing
 from paxisim.diagnose.data.noise import Noise, Tolerance, rate
 from paxisim.diagnose.data.prepare import prepare
 from paxisim.diagnose.data.problem import Problem, with_noise
-from paxisim.diagnose.data.sampling import MAX_FITTED_VALUES
+from paxisim.diagnose.rules import FITTING
 from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 
@@ -103,7 +103,7 @@ def test_noise_that_is_not_finite_is_refused():
 def test_frames_are_left_out_only_of_a_recording_that_has_many_and_runs_straight():
     assert problem().thinned.sampling.fitted == 1
     long = problem(frames=4000, cols=8, interval=0.005)
-    assert long.samples > 2 * MAX_FITTED_VALUES
+    assert long.samples > 2 * FITTING.values
     assert long.sampling.fitted > 1
     assert len(long.thinned.time) == sum(len(range(0, 4000, long.sampling.fitted)) for _ in long.episodes)
     shaking = 0.2 * np.random.default_rng(0).random((len(long.time), 1, 1, 1, 1))

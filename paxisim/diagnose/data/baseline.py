@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.data.pieces import FloatArray
-
-MIN_SAMPLES = 4  # fewest samples for estimating the zero offset of an episode
-PIECE_SECONDS = 1.0  # s, length of the pieces whose scatter gives the uncertainty of the zero offset
+from paxisim.diagnose.rules import NOISE
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +97,12 @@ class Baseline:
 
     def means(self, values: FloatArray, piece: float = np.inf) -> FloatArray:
         """Means of ``(T, ...)`` values over the samples, by episode or by pieces of `piece` seconds."""
-        most = max(MIN_SAMPLES, int(min(piece / self._interval, len(self.samples))))
+        most = max(NOISE.samples, int(min(piece / self._interval, len(self.samples))))
         pieces = [
             part
             for frames in self.by_episode
             for part in np.array_split(frames, max(1, len(frames) // most))
-            if len(part) >= MIN_SAMPLES
+            if len(part) >= NOISE.samples
         ]
         return np.reshape([values[part].mean(axis=0) for part in pieces], (len(pieces), *values.shape[1:]))
 
@@ -132,8 +130,8 @@ class Baseline:
         """
         assert self._curves is not None
         steady = self._curves.constant
-        basis = self.means(self._curves.values.T, PIECE_SECONDS)
-        means = self.means(difference, PIECE_SECONDS)
+        basis = self.means(self._curves.values.T, NOISE.piece)
+        means = self.means(difference, NOISE.piece)
         degrees = len(basis) - basis.shape[1]
         if steady.all() or degrees < 2:
             return self._curves

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from paxisim.diagnose.data.pieces import FloatArray
+from paxisim.diagnose.rules import NOISE
 
 NO_POSE = ("temperature",)  # covariates that do not describe a pose and so do not change a field
-KEPT_VARIANCE = 0.99  # share of the variance of all covariates that the directions retain
-MAX_DIRECTIONS = 6  # most directions
-CONSTANT_SPREAD = 1e-9  # relative spread up to which a covariate is constant
-MIN_FREE_SPREAD = 0.25  # least spread without contact, relative to the whole; below it, force confounds the effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +38,7 @@ def directions_of(covariates: Mapping[str, FloatArray], rest: NDArray[np.bool_])
     poses = {name: c for name, c in covariates.items() if name not in NO_POSE}
     spreads = {name: (float(np.std(c[rest])), float(np.std(c))) for name, c in poses.items()}
     least = {
-        name: max(MIN_FREE_SPREAD * whole, CONSTANT_SPREAD * float(np.abs(poses[name]).max()))
+        name: max(NOISE.free_spread * whole, NOISE.constant * float(np.abs(poses[name]).max()))
         for name, (_, whole) in spreads.items()
     }
     names = tuple(name for name, (own, _) in spreads.items() if own > least[name])
@@ -51,5 +48,6 @@ def directions_of(covariates: Mapping[str, FloatArray], rest: NDArray[np.bool_])
     middle, scale = values.mean(axis=1), values.std(axis=1)
     size, ways = np.linalg.eigh(np.cov((values - middle[:, None]) / scale[:, None], bias=True).reshape(len(names), -1))
     size, ways = size[::-1], ways[:, ::-1].T
-    count = min(int(np.searchsorted(np.cumsum(size) / size.sum(), KEPT_VARIANCE)) + 1, MAX_DIRECTIONS, len(names))
+    enough = int(np.searchsorted(np.cumsum(size) / size.sum(), NOISE.kept_variance)) + 1
+    count = min(enough, NOISE.directions, len(names))
     return Directions(names, middle, ways[:count] / np.sqrt(size[:count, None]) / scale)

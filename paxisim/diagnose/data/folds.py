@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import Rules
 
-MIN_HALF = 0.1  # least share of an effect in each half of an episode that is split in the middle
-
 
 @dataclass(frozen=True, eq=False)
 class Folds:
@@ -96,7 +94,7 @@ def _halves(problem: Problem, effects: Iterable[FloatArray], rules: Rules) -> di
             span, half = thinned.episodes[number], len(energies[number]) // 2
             halves = slice(span.start, span.start + half), slice(span.start + half, span.stop)
             parts = [_energy(thinned, effect, part).sum() for part in halves]
-            if min(parts) < MIN_HALF * sum(parts):
+            if min(parts) < rules.half * sum(parts):
                 half = int(np.searchsorted(np.cumsum(energies[number]), sums[number] / 2))
             found.setdefault(number, []).append(problem.episodes[number].start + stride * half)
     return {number: int(np.median(cuts)) for number, cuts in found.items()}

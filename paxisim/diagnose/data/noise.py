@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from paxisim.diagnose.data.pieces import FloatArray, in_blocks
+from paxisim.diagnose.rules import NOISE
 from paxisim.scene.encoder import EncoderError
 
 NO_RIPPLE = 1e-5  # steps; smaller rounding errors are neglected
-STEEP = 0.25  # steps; with less noise, two harmonics do not represent the staircase
 MIN_NOISE = 0.02  # steps
 BEYOND = 5.0  # distance from a rounding edge, in units of the noise, at which the edge has no effect
-UNSURE = 0.02  # relative uncertainty of the force from calibration and contact position, which smooths the steps
 TABLE_POINTS = 400  # points of the table below per standard deviation of the noise
 BEYOND_EDGE = np.append(ndtr(-(np.arange(int(TABLE_POINTS * BEYOND)) + 0.5) / TABLE_POINTS), 0.0).astype(np.float32)
 """Share of the noise beyond a rounding edge, by the distance to the edge; 0 from `BEYOND` on."""
@@ -78,7 +77,7 @@ class Noise:
     @property
     def is_steep(self) -> bool:
         """Whether the noise rarely reaches the next count."""
-        return self.dither < STEEP * self.step
+        return self.dither < NOISE.steep * self.step
 
     def read(self, force: FloatArray) -> FloatArray:
         """Mean reading of `force` ``(T, pads, 3, rows, cols)``; `force` itself if there is no difference."""
@@ -161,12 +160,12 @@ class Noise:
         """How much rounding subtracts from the mean reading, in single precision."""
         least = max(self.dither / self.step, MIN_NOISE)
         turns = ((force - self.phase) / self.step).astype(np.float32).ravel()
-        variance = np.float32(least**2) + (np.float32(UNSURE) * turns) ** 2
+        variance = np.float32(least**2) + (np.float32(NOISE.unsure) * turns) ** 2
         turns = turns - np.rint(turns)
-        if least >= STEEP:
+        if least >= NOISE.steep:
             ripple = _smooth(turns, variance)
         else:
-            steep, ripple = variance < STEEP**2, np.empty_like(turns)
+            steep, ripple = variance < NOISE.steep**2, np.empty_like(turns)
             for where, form in ((steep, _staircase), (~steep, _smooth)):
                 part = np.flatnonzero(where)  # twice as fast as the mask
                 ripple[part] = form(turns[part], variance[part])
@@ -174,7 +173,7 @@ class Noise:
 
 
 def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise of at least `STEEP`, in steps: two harmonics."""
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) where the staircase is smooth, in steps: two harmonics."""
     first = np.exp(np.float32(-2 * np.pi**2) * variance)  # attenuation of each harmonic by the noise
     second = first**2 * first**2
     angle = np.float32(2 * np.pi) * turns
@@ -182,7 +181,7 @@ def _smooth(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArra
 
 
 def _staircase(turns: NDArray[np.float32], variance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How much rounding subtracts from `turns` (-0.5 to 0.5) at noise below `STEEP`, in steps."""
+    """How much rounding subtracts from `turns` (-0.5 to 0.5) where the staircase is steep, in steps."""
     below = (0.5 - np.abs(turns)) / np.sqrt(variance)  # distance to the edge, in units of the noise
     place = np.minimum(below * np.float32(TABLE_POINTS), np.float32(TABLE_POINTS * BEYOND)).astype(np.intp)
     return turns - np.copysign(BEYOND_EDGE[place], turns)

@@ -12,20 +12,8 @@ from scipy.special import ndtr, ndtri
 
 from paxisim.diagnose.data.noise import Tolerance, differences, rate
 from paxisim.diagnose.data.pieces import FloatArray
+from paxisim.diagnose.rules import NOISE
 
-NEARLY_STEP = 0.03  # steps; tolerance of a gap between readings
-COMMON = 0.15  # least share of the gaps that are one step
-SHIFTED = 0.1  # steps; with a larger phase the readings are not multiples of the step
-
-_PRESSED = 0.2  # share of the largest force above which clipping at 0 does not affect the noise
-MIN_EPISODE_SAMPLES = 5  # fewest samples in an episode
-SMOOTH = 0.6  # steps; above it, the standard deviation at rest determines the noise
-HELD_SECONDS = 0.3  # s of constant force after which a slow sensor has settled
-LAG_SECONDS = 0.15  # s between compared counts, long enough to include some slow noise
-MAX_HELD_CHANGE = 0.1  # steps that a held force may change in that time
-MAX_MOVING_CHANGE = 0.2  # steps that it may change if too few samples are held
-MIN_COMPARED = 300  # fewest compared counts
-HIDDEN_NOISE = 0.15  # steps; noise that may be invisible at rest
 NOISES = np.geomspace(0.01, 1.0, 60)  # steps
 
 
@@ -54,7 +42,7 @@ def noise_of(
 def _under_load(steps: FloatArray, simulated: FloatArray, episodes: tuple[slice, ...]) -> float:
     """Noise (N) of the normal force under loads large enough to avoid clipping."""
     normal = np.concatenate([simulated[span, :, 2][1:] for span in episodes])
-    changes = steps[:, :, 2][normal > _PRESSED * normal.max()]
+    changes = steps[:, :, 2][normal > NOISE.pressed * normal.max()]
     return float(np.sqrt(np.median(changes**2) / 0.455 / 2)) if changes.size else 0.0
 
 
@@ -67,12 +55,12 @@ def step_of(measured: FloatArray) -> tuple[float, float]:
         return 0.0, 0.0
     step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
     for candidate in np.unique(np.round(gaps, 4)):  # the smallest common gap; clipping at 0 adds others
-        alike = np.abs(gaps - candidate) < NEARLY_STEP * candidate
-        if alike.mean() > COMMON:
+        alike = np.abs(gaps - candidate) < NOISE.nearly_step * candidate
+        if alike.mean() > NOISE.common:
             step = float(np.median(gaps[alike]))
             break
     phase = float(np.angle(np.mean(np.exp(2j * np.pi * values / step))) / (2 * np.pi)) * step
-    phase = phase if abs(phase) > SHIFTED * step else 0.0
+    phase = phase if abs(phase) > NOISE.shifted * step else 0.0
     values = values[values != 0] if phase else values  # 0 is where normal readings are clipped
     for _ in range(3):  # large readings determine the step more precisely, once their counts are known
         counts = np.round((values - phase) / step)
@@ -119,16 +107,16 @@ def dither_of(
     """
     resting = _shear(measured, at_rest, episodes, alive)
     before = _shear(measured, untouched, episodes, alive) or resting
-    if resting and (step == 0 or _spread(before) > SMOOTH * step):
+    if resting and (step == 0 or _spread(before) > NOISE.smooth * step):
         # all samples at rest, as slow noise shows in long spans only
         return float(np.sqrt(max(_spread(resting) ** 2 - step**2 / 12, 0.0)))
     if step == 0:
         return 0.0
     held = _dither_under_load(measured, simulated, episodes, interval, step, alive)
     if not resting:
-        return HIDDEN_NOISE * step if held is None else held
+        return NOISE.hidden * step if held is None else held
     # counts change least for an offset in the middle of a step
-    most = step * max(HIDDEN_NOISE, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
+    most = step * max(NOISE.hidden, 0.5 / float(ndtri(1 - 0.5 * min(_spread(before) / step, 1.0) ** 2)))
     return most if held is None else min(held, most)
 
 
@@ -139,7 +127,7 @@ def _shear(
     return [
         part.reshape(len(part), -1).compress(alive[:, :2].ravel(), axis=1)
         for part in parts
-        if len(part) >= MIN_EPISODE_SAMPLES
+        if len(part) >= NOISE.samples
     ]
 
 
@@ -156,21 +144,21 @@ def _dither_under_load(
     alive: NDArray[np.bool_],
 ) -> float | None:
     """Noise (N) estimated from held forces above one step; None if there are too few."""
-    apart, window = (max(1, round(seconds / interval)) for seconds in (LAG_SECONDS, HELD_SECONDS + LAG_SECONDS))
+    apart, window = (max(1, round(seconds / interval)) for seconds in (NOISE.lag, NOISE.held + NOISE.lag))
     counted, moved, fastest = [], [], []
     for span in episodes:
         force, count = simulated[span] / step, np.rint(measured[span] / step)
         change = apart * np.abs(np.diff(force, axis=0, prepend=force[:1]))
         # over the window that ends at the sample
         fast = maximum_filter1d(change, window + 1, axis=0, origin=window // 2)[apart:]
-        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < MAX_MOVING_CHANGE) & alive
+        pressed = (np.minimum(np.abs(force[apart:]), np.abs(force[:-apart])) > 1) & (fast < NOISE.moving_change) & alive
         counted.append(np.abs(count[apart:] - count[:-apart])[pressed])
         moved.append(np.abs(force[apart:] - force[:-apart])[pressed])
         fastest.append(fast[pressed])
     differ, move, fast = (np.concatenate(parts) for parts in (counted, moved, fastest))
-    if len(fast) < MIN_COMPARED:
+    if len(fast) < NOISE.compared:
         return None
-    taken = fast <= max(MAX_HELD_CHANGE, float(np.partition(fast, MIN_COMPARED - 1)[MIN_COMPARED - 1]))
+    taken = fast <= max(NOISE.held_change, float(np.partition(fast, NOISE.compared - 1)[NOISE.compared - 1]))
     number, edges = np.histogram(move[taken], bins=100)
     expected = [number @ _mean_difference((edges[1:] + edges[:-1]) / 2, noise) for noise in NOISES]
     return step * float(np.interp(differ[taken].sum(), expected, NOISES))

@@ -19,6 +19,7 @@ from paxisim.diagnose.data.noise_floor import dither_of, noise_of, step_of, tole
 from paxisim.diagnose.data.pieces import FINE_STEP, FloatArray, Pieces, in_blocks, in_one_piece
 from paxisim.diagnose.data.responses import Responses
 from paxisim.diagnose.data.sampling import Sampling
+from paxisim.diagnose.rules import NOISE
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import episode_spans
@@ -28,8 +29,6 @@ from paxisim.scene.encoder import EncoderError
 NOMINAL_PEAK = 1.0  # N, peak force assumed for a recording without contact
 MIN_PEAK_SHARE = 0.05  # lower bound on the peak force of an axis, relative to the overall peak
 PRESSED_SHARE = 0.01  # force above which a taxel is pressed, relative to the peak force
-MIN_REST_SHARE = 0.05  # least share of samples at rest for estimating the zero offset from them alone
-COARSE_NOISE = 1.2  # quantisation steps; below it, differences between readings are a poor estimate of the noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +143,7 @@ class Problem:
         a small offset then shows only under load.
         """
         rest = self.at_rest
-        samples = rest if rest.mean() > MIN_REST_SHARE and not self.noise.is_steep else np.ones_like(rest)
+        samples = rest if rest.mean() > NOISE.rest and not self.noise.is_steep else np.ones_like(rest)
         samples = samples if self.fitted is None else samples & self.fitted
         return Baseline(self.curves, self.weight, samples, self.episodes, self.interval)
 
@@ -313,7 +312,7 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
         noise=Noise(np.ones(1), step, 0.0, bool(measured[:, :, 2].min() >= 0), phase, tolerance),
         alive=simulated.any(axis=0) if calibrated else np.ones(measured.shape[1:], dtype=bool),
         peak=peak, peaks=_peaks_of(simulated, peak), least=min(float(simulated.min()), 0.0),
-        directions=directions_of(covariates, rest if rest.mean() > MIN_REST_SHARE else np.ones_like(rest)),
+        directions=directions_of(covariates, rest if rest.mean() > NOISE.rest else np.ones_like(rest)),
         aligned="clocks_aligned_by" in recording.metadata, calibrated=calibrated,
         scene=scene, pads=recording.pads, layout=recording.layout,
     )  # fmt: skip
@@ -332,7 +331,7 @@ def with_noise(problem: Problem) -> Problem:
         )  # fmt: skip
     else:  # no shear is measured
         dither = float(np.sqrt(max(np.median(noise[alive]) ** 2 - step**2 / 12, 0.0))) if alive.any() else 0.0
-    noise = np.where(noise < COARSE_NOISE * step, np.sqrt(step**2 / 12 + dither**2), noise)
+    noise = np.where(noise < NOISE.coarse * step, np.sqrt(step**2 / 12 + dither**2), noise)
     sigma = np.sqrt(noise**2 + allowed)
     if not np.isfinite(sigma).all():  # infinite noise would hide every discrepancy
         raise InvalidValueError(

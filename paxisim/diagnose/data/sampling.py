@@ -11,10 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.diagnose.data.pieces import FloatArray
-
-MAX_FITTED_VALUES = 100_000  # number of values sufficient for a fit
-MAX_FRAME_INTERVAL = 0.05  # s, longest interval between fitted frames
-MAX_INTERPOLATION_ERROR = 0.01  # largest interpolation error between fitted frames, relative to the energy of the noise
+from paxisim.diagnose.rules import FITTING
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +35,7 @@ class Sampling:
     @cached_property
     def compared(self) -> int:
         """Stride of the frames that suffice to compare a prediction."""
-        return max(1, round(self.samples / MAX_FITTED_VALUES))
+        return max(1, round(self.samples / FITTING.values))
 
     @cached_property
     def fitted(self) -> int:
@@ -46,9 +43,9 @@ class Sampling:
 
         A small recording is not thinned. Models with memory also assume a linear input between frames.
         """
-        most = min(self.compared, int(MAX_FRAME_INTERVAL / max(self.interval, 1e-9)))
+        most = min(self.compared, int(FITTING.interval / max(self.interval, 1e-9)))
         for stride in range(most, 1, -1):
-            if self._bend(stride) < MAX_INTERPOLATION_ERROR:
+            if self._bend(stride) < FITTING.interpolation:
                 return stride
         return 1
 

@@ -17,13 +17,11 @@ from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, Fitte
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.rules import FITTING
 from paxisim.diagnose.scorer.model import Fitted, Model
 from paxisim.diagnose.scorer.squares import Squares, best_start
 
 Shapes = Mapping[str, tuple[float, ...]]
-
-MAX_ZERO_ROUNDS = 4  # most alternations between fitting the zero offset and the other parameters
-SETTLED = 2e-3  # relative decrease of the energy below which the alternation stops
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,14 +166,14 @@ class Fitter:
         if not len(zero) or (rows.noise.reads_all and not squares.bends):
             return values, zero
         # start the zero offset at 0: an estimate with fewer causes contains the effects of the missing ones
-        for _ in range(MAX_ZERO_ROUNDS):
+        for _ in range(FITTING.zero_rounds):
             before = squares.energy(values, zero)
             moved = model.zero({**values, **model.solved}, zero)
             trial = squares.descend(values, moved)
             after = squares.energy(trial, moved)
             if after < before:
                 values, zero = trial, moved
-            if after > (1 - SETTLED) * before:
+            if after > (1 - FITTING.settled) * before:
                 break
         return values, zero
 

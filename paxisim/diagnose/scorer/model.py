@@ -11,15 +11,13 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.transform import STAGES, Transform
 from paxisim.diagnose.causes.kinds import Cause, FittedCause, PerChannelCause
 from paxisim.diagnose.data.problem import FloatArray, Problem
+from paxisim.diagnose.rules import FITTING
 
 ZERO_ORDER = 76.5
 """Position in the chain at which the zero offset is added, which is that of `offset` and `drift`."""
 
 ROUNDING = 1e-6  # relative difference below which two energies are equal
-ZERO_STEPS = 3  # Gauss-Newton steps for a zero offset that the sensor reads nonlinearly
 ZERO_GRID = sorted(np.linspace(-1.0, 1.0, 13), key=abs)  # quantisation steps; initial candidates for a zero offset
-MIN_CHORD, MAX_CHORD = 0.05, 0.2  # quantisation steps; limits of the interval for the slope of the mean reading
-NOISE_CHORD = 1.5  # this interval between its limits, relative to the noise before rounding
 
 Fitted = Mapping[str, FloatArray]
 
@@ -143,14 +141,14 @@ class Model:
         searched = rows.noise.is_steep and rows.curves.constant[0]
         zero = _from_grid(rows, read, start, square) if searched else start
         step = rows.noise.step or 4 * rows.noise.dither or float(np.median(rows.noise.sigma[:, rows.alive]))
-        chord = np.clip(NOISE_CHORD * rows.noise.dither, MIN_CHORD * step, MAX_CHORD * step)
+        chord = np.clip(FITTING.chord * rows.noise.dither, FITTING.chords[0] * step, FITTING.chords[1] * step)
         most = step / np.maximum(np.abs(rows.curves.values).max(axis=1), 1.0)[:, None, None, None, None]
         best, least = zero, np.full(zero.shape[1:], np.inf)
-        for turn in range(ZERO_STEPS + 1):
+        for turn in range(FITTING.zero_steps + 1):
             miss = rows.measured - read(zero)
             left = np.einsum("t...,t...->...", square, miss**2)
             best, least = np.where(left < least, zero, best), np.minimum(left, least)
-            if turn < ZERO_STEPS:
+            if turn < FITTING.zero_steps:
                 slope = (read(zero, chord) - read(zero, -chord)) / (2 * chord)
                 zero = rows.baseline.drawn(
                     zero + np.clip(_amounts(rows.curves.values, square, slope, miss), -most, most)

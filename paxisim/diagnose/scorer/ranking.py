@@ -15,14 +15,9 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.causes.kinds import BaselineCause, Cause, FittedCause
 from paxisim.diagnose.data.problem import FloatArray
+from paxisim.diagnose.rules import FITTING, Rules
 from paxisim.diagnose.scorer.fitting import Fit, Fitter
 from paxisim.diagnose.scorer.model import Model
-
-MAX_VALUES = 60_000  # number of values sufficient for a ranking
-IN_SAMPLE_WEIGHT = 0.5  # weight of an in-sample gain
-MAX_SINGLE_STARTS = 8  # most starts that are also tried one at a time
-GAUGE_STEP = 0.05  # relative change of the gain for the effect of a gauge
-TIE = 0.01  # relative difference up to which a gauge alone promises as much as its cause
 
 
 class Ranking:
@@ -31,22 +26,23 @@ class Ranking:
     The gauge of a cause is fitted with it, so that the two are found even if neither gains alone.
     """
 
-    def __init__(self, fitter: Fitter, causes: Sequence[Cause], fit: Fit) -> None:
+    def __init__(self, fitter: Fitter, causes: Sequence[Cause], fit: Fit, rules: Rules) -> None:
         """Compute the sums.
 
         Args:
             fitter: Fitter with the recording and its folds.
             causes: Candidates; those with starts are ranked.
             fit: Fit of the model.
+            rules: Rules of the ranking.
         """
-        problem = fitter.problem
+        problem, self._rules = fitter.problem, rules
         self.causes = {c.name: c for c in causes if isinstance(c, FittedCause) and c.name not in fit.names}
         rows = fitter.rows(fit.causes, fit.shapes)
         model = Model(problem, fit.causes, rows)
         prediction = model.run(fit.whole.values, fit.whole.zero)
         moving = [c for c in fit.causes if not isinstance(c, BaselineCause)]
         force = Model(problem, moving, problem).run(fit.whole.values, None)
-        stride = max(1, int(rows.samples / MAX_VALUES))
+        stride = max(1, int(rows.samples / FITTING.ranked_values))
         thin = rows.every(stride)
         kept = np.concatenate(rows.sampling.frames(stride))
         unit = fitter.unit[kept]
@@ -77,7 +73,7 @@ class Ranking:
             own = [seen(effect) for effect in item.effects(problem, force)]
             columns += own
             owners += [item.name] * len(own)
-        columns.append(weighed(GAUGE_STEP * force))
+        columns.append(weighed(self._rules.gauge_step * force))
         owners.append("")
         self._owner, self._chosen = np.array(owners), np.arange(len(owners)) < len(free)
         away = [(value - about.neutral) / about.scale for value, (_, _, about) in zip(values, free, strict=True)]
@@ -108,14 +104,14 @@ class Ranking:
         gauged = any(self.causes[n].gauge is not None for n in names)
         own = np.isin(self._owner, [*names, ""] if gauged else list(names)) | chosen
         sets = [own]
-        if len(names) == 1 and (self._owner == names[0]).sum() <= MAX_SINGLE_STARTS:
+        if len(names) == 1 and (self._owner == names[0]).sum() <= self._rules.single_starts:
             others = own & (self._owner != names[0])
             for column in np.flatnonzero(self._owner == names[0]):
                 sets.append(others | (np.arange(len(own)) == column))
         heldout = max(map(self._gain, sets)) - self._gain(chosen)
-        promise = max(heldout, IN_SAMPLE_WEIGHT * (self._gain(own, False) - self._gain(chosen, False)))
+        promise = max(heldout, self._rules.in_sample * (self._gain(own, False) - self._gain(chosen, False)))
         gauge = self._gain(own & (self._owner == "") | chosen) - self._gain(chosen)
-        return promise * (1 - TIE) if gauge > (1 - TIE) * promise else promise
+        return promise * (1 - self._rules.gauge_tie) if gauge > (1 - self._rules.gauge_tie) * promise else promise
 
     def _gain(self, chosen: NDArray[np.bool_], heldout: bool = True) -> float:
         which = np.flatnonzero(chosen)

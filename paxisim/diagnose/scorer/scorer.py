@@ -152,7 +152,7 @@ class Scorer:
         """Linearised gains of the causes that could be added to a set; cached."""
         key = frozenset(names)
         if key not in self._rankings:
-            self._rankings[key] = Ranking(self.fitter, list(self.causes.values()), self.fit(names))
+            self._rankings[key] = Ranking(self.fitter, list(self.causes.values()), self.fit(names), self.rules)
         return self._rankings[key]
 
     def ranked(self, names: Sequence[str]) -> list[tuple[float, str]]:

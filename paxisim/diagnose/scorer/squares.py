@@ -13,16 +13,8 @@ import numpy as np
 
 from paxisim.diagnose.causes.kinds import Cause, FittedCause, PerChannelCause, baseline_causes
 from paxisim.diagnose.data.problem import FloatArray
+from paxisim.diagnose.rules import FITTING
 from paxisim.diagnose.scorer.model import ZERO_ORDER, Fitted, Model
-
-LOCAL_STEP = 0.02  # finite-difference step of a local cause's array
-DIFFERENCE_STEP = 0.05  # finite-difference step, relative to a parameter's scale
-MAX_STEPS = 15  # most Gauss-Newton steps
-MIN_ACTUAL_DECREASE = 0.5  # actual decrease, relative to the predicted one, below which the Jacobian is recomputed
-MAX_DAMPINGS = 5  # most damping values tried for a step
-CONVERGED = 1e-4  # relative decrease of the energy below which the descent stops
-REFITS = 4  # most evaluations for a fold
-UNSETTLED = 0.02  # predicted decrease per channel, in units of the noise, below which a fold's fit stops
 
 
 class Squares:
@@ -95,7 +87,7 @@ class Squares:
         """
         best, off = self._used(self.residual(values, zero)), self._away(values)
         energy, damping = float(best @ best + off @ off), 1e-3
-        for _ in range(MAX_STEPS if self.free else 0):
+        for _ in range(FITTING.steps if self.free else 0):
             fresh = self._kept is None
             if self._kept is None:
                 self._kept = self._used_rows(self._slopes(values))
@@ -103,11 +95,11 @@ class Squares:
             normal = slopes @ slopes.T + np.diag(self.prior)
             right = slopes @ best + self._held * self._scale * off
             promise = 0.0
-            for _ in range(MAX_DAMPINGS if fresh else 1):
+            for _ in range(FITTING.dampings if fresh else 1):
                 ridge = damping * np.diag(np.diag(normal) + 1e-6 * np.trace(normal) + 1e-9)
                 step = self._step(normal + ridge, right, values)
                 promise = -float(2 * right @ step + step @ normal @ step)
-                if promise < CONVERGED * before:
+                if promise < FITTING.converged * before:
                     return values
                 trial = self._moved(values, step)
                 try:
@@ -124,9 +116,9 @@ class Squares:
             else:  # the last run used rejected values; restore the model's state
                 self.residual(values, zero)
             gained = before - energy
-            if fresh and gained < CONVERGED * before:
+            if fresh and gained < FITTING.converged * before:
                 break
-            if gained < MIN_ACTUAL_DECREASE * promise:
+            if gained < FITTING.trusted * promise:
                 self._kept = None
         return values
 
@@ -174,11 +166,11 @@ class Squares:
         normal = slopes @ slopes.T + np.diag(self.prior)
         best, left, solved, damping = values, residual, None, 1e-6
         least = self._energy(residual, values)
-        for _ in range(REFITS):
+        for _ in range(FITTING.refits):
             right = slopes @ self._used(left) + self._held * self._scale * self._away(best)
             step = self._step(normal + damping * np.diag(np.diag(normal) + 1e-9), right, best)
             promise = -float(2 * right @ step + step @ normal @ step)
-            if solved is not None and promise < UNSETTLED * self.rows.alive.sum():
+            if solved is not None and promise < FITTING.unsettled * self.rows.alive.sum():
                 break
             trial = self._moved(best, step)
             try:
@@ -248,7 +240,7 @@ class Squares:
             return seen if absorbed is None else seen - absorbed(seen)
 
         for row, (name, index, about) in enumerate(self.free):
-            step = DIFFERENCE_STEP * about.scale
+            step = FITTING.step * about.scale
             step = -step if values[name][index] + step > about.high else step
             moved = values[name].copy()
             moved[index] += step
@@ -261,9 +253,9 @@ class Squares:
         """How much of a change of the residual a cause absorbs, see `PerChannelCause.absorbed`."""
         assert item.absorbed is not None
         name, kept = item.name, self.model.solved
-        moved = self.model.run({**known, name: known[name] + LOCAL_STEP}, None, begin=name)
+        moved = self.model.run({**known, name: known[name] + FITTING.channel_step}, None, begin=name)
         self.model.solved = kept
-        load = self.rows.weigh((moved - self.prediction) * steep / LOCAL_STEP)
+        load = self.rows.weigh((moved - self.prediction) * steep / FITTING.channel_step)
         return item.absorbed(self.rows, load, self.rows.residual(self.prediction), known[name])
 
 
