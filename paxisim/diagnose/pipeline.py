@@ -23,8 +23,8 @@ from paxisim.diagnose.explain.advice import advice
 from paxisim.diagnose.explain.caveats import at_bounds, caveats, near_misses
 from paxisim.diagnose.explain.ceiling import ceiling
 from paxisim.diagnose.explain.evidence import evidence
-from paxisim.diagnose.explain.explanation import Explanation, Named
-from paxisim.diagnose.explain.heldout import SquaredErrors, figures, gains_of, part_gains, survives
+from paxisim.diagnose.explain.explanation import Explanation, Named, reading_without
+from paxisim.diagnose.explain.heldout import SquaredErrors, by_episode, figures, gain_of, survives
 from paxisim.diagnose.explain.intervals import model_intervals, parameters_of
 from paxisim.diagnose.explain.rivals import rivals_of
 from paxisim.diagnose.explain.symptoms import symptoms
@@ -194,7 +194,7 @@ def _named(
     found: Explanation, squares: SquaredErrors, seed: int, jobs: int
 ) -> tuple[tuple[FoundCause, ...], dict[str, LeftOver]]:
     """The named causes, largest gain first, and near misses by name."""
-    gains = gains_of(squares, seed)
+    gains = {name: gain_of(squares, without, seed) for name, without in squares.without.items()}
     scorer = found.scorer
     remembering = [name for name, item in scorer.causes.items() if isinstance(item, FittedCause) and item.remembers]
     rivals = with_untold(found.problem, rivals_of(found), remembering)
@@ -223,7 +223,11 @@ def _parts(
     if not named.parts:
         return ()
     weak = {e.name for e in found.scorer.evidence_of_parts(found.chosen, named.name) if not e.kept}
-    gains = dict.fromkeys(named.parts, whole) | part_gains(found, squares, named, seed, jobs)
+    gains = dict.fromkeys(named.parts, whole)
+    problem = found.off.judged
+    for part in named.parts if len(named.parts) > 1 else ():
+        without = by_episode(problem, problem.measured - reading_without(found, named, part, jobs))
+        gains[part] = gain_of(squares, without, seed)
     parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]
     parts = [part for part in parts if part.name not in weak] or parts
     return tuple(sorted(parts, key=lambda part: -part.gain.value))

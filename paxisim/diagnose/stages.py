@@ -18,7 +18,7 @@ from paxisim.diagnose.data.responses import Responses
 from paxisim.diagnose.explain.adequacy import left_over
 from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.explain.explanation import Explanation, explanation_of
-from paxisim.diagnose.explain.heldout import SquaredErrors, affected_gains_of, explained_share, squares_of
+from paxisim.diagnose.explain.heldout import SquaredErrors, affected_gain_of, explained_share, squares_of
 from paxisim.diagnose.result import Interval, LeftOver
 from paxisim.diagnose.rules import IN_SCENE, STREAMS, STRUCTURE, Rules
 from paxisim.diagnose.scorer.scorer import PREDICTION_END, Scorer
@@ -155,9 +155,8 @@ def confirm(ready: Ready, scorer: Scorer, names: Sequence[str], seed: int, jobs:
         squares = squares_of(found, jobs)
     dropped: dict[str, Interval] = {}
     while True:
-        shares = affected_gains_of(squares, seed)
-        shares = {named.name: shares.get(named.name, Interval(0.0)) for named in found.fitted}
-        doubtful = {n: s for n, s in shares.items() if (s.value if s.low is None else s.low) <= 0}
+        shares = {n.name: affected_gain_of(squares, squares.without[n.name], seed) for n in found.fitted}
+        doubtful = {name: share for name, share in shares.items() if share.ends[0] <= 0}
         if not doubtful:
             return Confirmed(found, squares, structure, dropped)
         least = min(doubtful, key=lambda name: doubtful[name].value)
