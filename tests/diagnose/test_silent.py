@@ -8,7 +8,7 @@ from recorded import diagnosed, names, plain
 
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.data.silent import silent_channels
-from paxisim.diagnose.explain.caveats import silent_in_words
+from paxisim.diagnose.explain.evidence import silent_in_words
 
 CAUSES = ("axis_gain", "taxel_gain", "dead_taxels")
 

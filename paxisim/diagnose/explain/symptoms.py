@@ -6,7 +6,7 @@ import numpy as np
 
 from paxisim.diagnose.data.noise import rate
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.result import LeftOver, Place, Symptoms
+from paxisim.diagnose.result import Place, Symptoms
 
 WORST = 10  # taxels listed
 BANDS = ((0.0, 0.2), (0.2, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf))  # Hz
@@ -14,15 +14,7 @@ PHASES = ("free", "loading", "holding", "unloading", "sliding")
 _STILL = 0.05  # peaks per second; a force that changes more slowly counts as held
 
 
-def symptoms(
-    problem: Problem,
-    simulated: FloatArray,
-    prediction: FloatArray,
-    pads: tuple[str, ...],
-    *,
-    warnings: tuple[str, ...] = (),
-    left_over: tuple[LeftOver, ...] = (),
-) -> Symptoms:
+def symptoms(problem: Problem, simulated: FloatArray, prediction: FloatArray, pads: tuple[str, ...]) -> Symptoms:
     """Locate the error.
 
     Args:
@@ -30,8 +22,6 @@ def symptoms(
         simulated: ``(T, pads, 3, rows, cols)`` newtons, simulation as recorded.
         prediction: Prediction of the extended model, of the same shape.
         pads: Names of the pads.
-        warnings: Warnings about the recording.
-        left_over: Structure in the residual, and near misses.
     """
     before = (problem.measured - problem.read(simulated)) * problem.weight
     after = (problem.measured - problem.read(prediction)) * problem.weight
@@ -47,8 +37,6 @@ def symptoms(
     frames, phase = (square.sum(axis=(2, 3, 4)), left.sum(axis=(2, 3, 4))), phases_of(problem)
     bands = _bands(problem, before) / whole, _bands(problem, after) / whole
     return Symptoms(
-        warnings=warnings,
-        left_over=left_over,
         pads=places(list(pads), *(grid.sum(axis=(1, 2)) for grid in grids)),
         axes=places(["x", "y", "z"], square.sum(axis=(0, 1, 3, 4)), left.sum(axis=(0, 1, 3, 4))),
         taxels=places([f"{pads[p]} ({r}, {c})" for p, r, c in at], *(grid.ravel()[worst] for grid in grids)),
