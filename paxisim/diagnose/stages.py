@@ -31,19 +31,13 @@ from paxisim.scene.modes import hidden_by_replay
 Tell = Callable[[str, float], None]
 
 
-@dataclass(eq=False)
 class UnrelatedError(Exception):
-    """The two streams do not show the same motion, so that nothing can be fitted.
+    """The two streams do not show the same motion, so that nothing can be fitted."""
 
-    Attributes:
-        recording: The recording.
-        warnings: Warnings about it.
-        match: How well its streams correspond.
-    """
-
-    recording: Recording
-    warnings: tuple[str, ...]
-    match: Correspondence
+    def __init__(self, recording: Recording, warnings: tuple[str, ...], match: Correspondence) -> None:
+        """Keep the recording, the warnings about it, and how well its streams correspond."""
+        super().__init__(match.why)
+        self.recording, self.warnings, self.match = recording, warnings, match
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +66,7 @@ class Ready:
 def ready_for_search(
     recording: Recording, causes: Sequence[str] | None, responses: Responses | None, tell: Tell
 ) -> Ready:
-    """Check a recording and run the deterministic checks.
+    """Check, align and prepare a recording, and run the deterministic checks.
 
     Args:
         recording: As in `paxisim.diagnose`.

@@ -102,15 +102,12 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: 
 
 def _repeated(problem: Problem) -> float | None:
     """Half the squared difference (N^2 per frame) between repeats of one simulated motion; None without repeats."""
-    found = []
+    found, simulated = [], problem.simulated
     for one, other in itertools.combinations(problem.episodes, 2):
-        length = one.stop - one.start
-        if length != other.stop - other.start:
+        length, force = one.stop - one.start, float(np.mean(simulated[one] ** 2))
+        if length != other.stop - other.start or force < 1e-4 * problem.peak**2 or len(found) > 20:
             continue
-        force = float(np.mean(problem.simulated[one] ** 2))
-        if force < 1e-4 * problem.peak**2 or len(found) > 20:
-            continue
-        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
+        if np.mean((simulated[one] - simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
             apart = problem.measured[one] - problem.measured[other]
             found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
     return float(np.median(found)) if found else None
@@ -170,12 +167,13 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
+    notes = [note] if note else []
     if squares.split:
         numbers = ", ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
-        note = f"{note} {those} split into blocks that were held out in turn.".strip()
+        notes.append(f"{those} split into blocks that were held out in turn.")
     if np.any(squares.after != squares.before):
-        note = f"{note} {CHOSEN}".strip()
+        notes.append(CHOSEN)
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
     gains = (squares.before - squares.after) / np.maximum(squares.before, 1e-12)
     return HeldOut(
@@ -184,10 +182,10 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
         noise_floor=normalised(squares.floor),
         noise_source=squares.source,
         explained=explained_share(squares, squares.after, seed),
-        gain_per_episode=tuple(float(gain) for gain in gains),
+        gain_per_episode=tuple(map(float, gains)),
         ceiling_nrmse=None if ceiling is None else normalised(ceiling),
         ceiling_explained=None if black is None else black.value,
-        note=note,
+        note=" ".join(notes),
     )
 
 
