@@ -56,7 +56,7 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
     from threadpoolctl import ThreadpoolController
 
     count = len(problem.episodes)
-    episode = np.concatenate([np.full(span.stop - span.start, e) for e, span in enumerate(problem.episodes)])
+    episode = np.repeat(np.arange(count), [span.stop - span.start for span in problem.episodes])
     judged = np.arange(len(episode)) % max(1, len(episode) // MAX_FRAMES) == 0
     left = np.ones(count)
     controller = ThreadpoolController()

@@ -78,11 +78,7 @@ def _parts(
 def _evidence(problem: Problem, named: Named, gain: FloatArray, share: Interval) -> str:
     """The evidence for a cause in words.
 
-    Args:
-        problem: The recording.
-        named: The cause.
-        gain: ``(episodes,)`` N^2, reduction of each episode's squared error by the cause.
-        share: Total reduction, as a share of the explainable error.
+    It states the reduction `gain` ``(episodes,)`` N^2 of each episode's squared error, and the total reduction `share`.
     """
     shown = showing(gain)
     words = (
@@ -127,11 +123,10 @@ def confidence(found: Explanation, causes: Sequence[FoundCause], seed: int) -> d
 
     A parameter at its bound counts as one more rival, because the true value may lie beyond.
     """
-    bounded, kept = at_bounds(found), {named.name: 1.0 for named in found.named}
-    for named in found.named:
-        if named.evidence is not None:
-            kept[named.name] = survives(found.folds.independent(named.evidence.gain), named.evidence.needed, seed)
-    return {c.name: kept[c.name] / (1 + len(c.rivals) + (c.name in bounded)) for c in causes}
+    bounded = at_bounds(found)
+    tests = {named.name: named.evidence for named in found.named if named.evidence is not None}
+    kept = {name: survives(found.folds.independent(own.gain), own.needed, seed) for name, own in tests.items()}
+    return {c.name: kept.get(c.name, 1.0) / (1 + len(c.rivals) + (c.name in bounded)) for c in causes}
 
 
 def near_misses(found: Explanation, causes: Sequence[FoundCause]) -> dict[str, LeftOver]:
@@ -141,8 +136,8 @@ def near_misses(found: Explanation, causes: Sequence[FoundCause]) -> dict[str, L
     least, short = found.scorer.rules.near_miss, {}
     for name, share in shares.items():
         if share > least and name not in rivals:
-            words = f"{name} is a near miss: it reaches {min(share, 1):.0%} of the gain required to name it"
-            short[name] = LeftOver(words, share, least)
+            reached = f"it reaches {min(share, 1):.0%} of the gain required to name it"
+            short[name] = LeftOver(f"{name} is a near miss: {reached}", share, least)
     return short
 
 
@@ -153,7 +148,7 @@ def caveats(
 
     Args:
         found: Explanation of the recording.
-        dropped: Causes that were fitted but not named, see `Confirmed`.
+        dropped: Causes that were fitted but not named, with their gain in the episodes that they affect.
         pads: Names of the pads.
         replayed: Whether the simulation followed the streams of a robot.
     """
@@ -173,21 +168,14 @@ def at_bounds(found: Explanation) -> dict[str, str]:
     for named in found.fitted:
         for free in named.cause.parameters(found.problem):
             value = named.values.get(free.name)
-            at = [bound for bound in (free.low, free.high) if bound != free.neutral and value == bound]
-            if at and free.material is not None:
-                lines[named.name] = (
-                    f"{free.name} of {named.name} is at its bound, {at[0]:g} {free.unit}: do not rely on its value"
-                )
+            if free.material is not None and value in (free.low, free.high) and value != free.neutral:
+                place = f"{free.name} of {named.name} is at its bound, {value:g} {free.unit}"
+                lines[named.name] = f"{place}: do not rely on its value"
     return lines
 
 
 def silent_in_words(silent: NDArray[np.bool_], pads: tuple[str, ...]) -> tuple[str, ...]:
-    """Warnings about excluded channels.
-
-    Args:
-        silent: ``(pads, 3, rows, cols)`` whether a channel is excluded.
-        pads: Names of the pads.
-    """
+    """Warnings about excluded channels, which are True in `silent` ``(pads, 3, rows, cols)``."""
     whole, warnings = silent.all(axis=(2, 3)), []
     if whole.any():
         axes = [" and ".join(AXES[axis] for axis in np.flatnonzero(own)) for own in whole]

@@ -89,14 +89,7 @@ class Explanation:
 
 
 def explanation_of(off: ReadOff, scorer: Scorer, chosen: Sequence[str], jobs: int = 1) -> Explanation:
-    """Build the explanation from the result of a search.
-
-    Args:
-        off: Result of the deterministic checks.
-        scorer: The scorer.
-        chosen: Names of the causes that the search selected.
-        jobs: Number of processors.
-    """
+    """Build the explanation from the result of the checks and the names of the causes that a search selected."""
     problem, chosen = off.problem, confirmed(scorer, chosen)
     evidence = {name: scorer.evidence(chosen, name, exact=True) for name in chosen if not scorer.causes[name].tacit}
     asked = {item.name for item in off.causes}

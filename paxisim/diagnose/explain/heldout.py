@@ -104,8 +104,11 @@ def _repeated(problem: Problem) -> float | None:
     """Half the squared difference (N^2 per frame) between repeats of one simulated motion; None without repeats."""
     found, simulated = [], problem.simulated
     for one, other in itertools.combinations(problem.episodes, 2):
-        length, force = one.stop - one.start, float(np.mean(simulated[one] ** 2))
-        if length != other.stop - other.start or force < 1e-4 * problem.peak**2 or len(found) > 20:
+        length = one.stop - one.start
+        if length != other.stop - other.start or len(found) > 20:
+            continue
+        force = float(np.mean(simulated[one] ** 2))
+        if force < 1e-4 * problem.peak**2:
             continue
         if np.mean((simulated[one] - simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
             apart = problem.measured[one] - problem.measured[other]
@@ -155,14 +158,7 @@ def affected_gain_of(squares: SquaredErrors, without: FloatArray, seed: int) -> 
 
 
 def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
-    """The held-out figures of a diagnosis.
-
-    Args:
-        squares: Squared errors.
-        seed: Random seed of the bootstrap over episodes.
-        ceiling: ``(episodes,)`` squared errors (N^2) of the black box; None if it was not run.
-        note: Caveats about the figures.
-    """
+    """The held-out figures, given the squared errors ``(episodes,)`` N^2 of the black box, if it ran, and a caveat."""
 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))

@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, PerChannelCause, baseline_causes
+from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, PerChannelCause
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
@@ -134,28 +134,25 @@ def _clustered(
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
     problem = found.problem
-    causes = baseline_causes(found.fit.causes)
-    curved = with_curves(problem, causes, found.fit.shapes).curves
+    curved = with_curves(problem, found.fit.causes, found.fit.shapes).curves
     assert curved is not None
-    curves, mine = curved.values, curved.owned_by(named.name)
+    curves, own = curved.values, curved.owned_by(named.name)
     spans = [span for span in problem.baseline.by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
         return None
     left = problem.measured - problem.read(found.prediction)
     basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
-    shares = np.linalg.pinv(basis)[mine]  # weight of each episode in each amplitude
+    shares = np.linalg.pinv(basis)[own]  # weight of each episode in each amplitude
     degrees = len(spans) - len(curves)
     means = np.stack([left[span].mean(axis=0) for span in spans])
     variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
     typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
-    middle, noise = problem.read(zero[None])[0], problem.noise
-    ends = []
-    for share in _NOISES:  # the noise determines how far the zero offset is from a rounding edge
-        own = replace(noise, dither=share * noise.dither)
-        ends += [own.unread(middle - reach), own.unread(middle + reach)]
-    half = np.ptp(ends, axis=0) / 2
+    middle = problem.read(zero[None])[0]
+    # the noise determines how far the zero offset is from a rounding edge
+    noises = [replace(problem.noise, dither=share * problem.noise.dither) for share in _NOISES]
+    half = np.ptp([noise.unread(end) for noise in noises for end in (middle - reach, middle + reach)], axis=0) / 2
     return half[0] if len(half) == 1 else half
 
 
@@ -164,12 +161,8 @@ def model_intervals(
 ) -> Mapping[str, Mapping[str, Any]]:
     """Ranges of the parameters of the model's members, in the format of ``GCS.around``.
 
-    The parameters of a cause may differ from those of its transform. Each is therefore moved to both ends of its
-    interval, and the resulting parameters of the transform give the range, as far as they are valid.
-
-    Args:
-        found: The causes and the model.
-        fitted: Fitted parameters by cause, from `parameters_of`.
+    The parameters of a cause, `fitted`, may differ from those of its transform. Each is therefore moved to both ends of
+    its interval, and the resulting parameters of the transform give the range, as far as they are valid.
     """
     intervals = {}
     for named in found.named:
