@@ -1,7 +1,7 @@
 """Pipeline: from a recording to its diagnosis.
 
-The recording is checked, prepared and aligned (`stages.ready_for_search`), searched for causes (`search`), and what was
-found is confirmed on held-out samples (`stages.confirmed`) and explained here. With a scene, the same stages alternate
+The recording is checked, aligned and prepared (`stages.ready_for_search`), searched for causes (`search`), and what was
+found is confirmed on held-out samples (`stages.confirm`) and explained here. With a scene, the same stages alternate
 with replays (`inside/rounds.py`).
 """
 
@@ -14,37 +14,30 @@ from pathlib import Path
 import numpy as np
 
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import Cause, FittedCause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.data.repeats import with_untold
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.explain.advice import advice
-from paxisim.diagnose.explain.caveats import at_bounds, caveats, near_misses
 from paxisim.diagnose.explain.ceiling import ceiling
-from paxisim.diagnose.explain.evidence import evidence
-from paxisim.diagnose.explain.explanation import Explanation, Named
-from paxisim.diagnose.explain.heldout import SquaredErrors, figures, gains_of, part_gains, survives
-from paxisim.diagnose.explain.intervals import model_intervals, parameters_of
-from paxisim.diagnose.explain.rivals import rivals_of
+from paxisim.diagnose.explain.evidence import at_bounds, caveats, confidence, found_causes, near_misses
+from paxisim.diagnose.explain.heldout import figures
+from paxisim.diagnose.explain.intervals import model_intervals
 from paxisim.diagnose.explain.symptoms import symptoms
 from paxisim.diagnose.inside.rounds import in_scene
 from paxisim.diagnose.known import KnownSensor
-from paxisim.diagnose.result import (
-    FoundCause,
-    FoundPart,
-    HeldOut,
-    InScene,
-    Interval,
-    LeftOver,
-    Streams,
-    Symptoms,
-    Verdict,
-)
+from paxisim.diagnose.result import FoundCause, HeldOut, InScene, LeftOver, Streams, Symptoms, Verdict
 from paxisim.diagnose.rules import STREAMS
 from paxisim.diagnose.search import search
-from paxisim.diagnose.stages import Confirmed, Ready, Tell, UnrelatedError, confirm, ready_for_search, scorer_of
-from paxisim.errors import InvalidValueError, MissingExtraError
+from paxisim.diagnose.stages import (
+    Confirmed,
+    Ready,
+    Tell,
+    UnrelatedError,
+    confirm,
+    not_excited,
+    ready_for_search,
+    scorer_of,
+)
+from paxisim.errors import InvalidValueError
 from paxisim.recording import Recording
 from paxisim.scene.scene import Scene
 
@@ -98,14 +91,15 @@ def diagnose(
     if known is not None and causes is None:
         taken = dict.fromkeys(known.causes, "it is taken as known")
         causes = [name for name in known_causes() if name not in taken]
-    if scene is None and known is not None and recording.simulated is not None:
-        recording = replace(recording, simulated=known.seen(recording.simulated, recording))
     try:
         if scene is None:
+            if known is not None and recording.simulated is not None:
+                recording = replace(recording, simulated=known.seen(recording.simulated, recording))
             ready = ready_for_search(recording, causes, None, tell)
             scorer = scorer_of(ready, jobs, tell)
-            done = confirm(ready, scorer, search(scorer), seed, jobs, tell)
-            found = _explained(ready, done, seed, jobs, tell)
+            chosen = search(scorer)
+            confirmed = confirm(ready, scorer, chosen, seed, jobs, tell)
+            found = _explained(ready, confirmed, seed, jobs, tell)
         else:
             inside = in_scene(recording, scene, known, causes, seed, jobs, tell, replays)
             found = _explained(inside.ready, inside.confirmed, seed, jobs, tell, inside.streams)
@@ -118,44 +112,82 @@ def diagnose(
     return replace(found, model=model, known=str(known), not_testable=untestable)
 
 
+def _check(causes: Sequence[str] | None, scene: Scene | None, seed: int, jobs: int) -> None:
+    if not isinstance(jobs, int) or jobs < 1:
+        raise InvalidValueError(f"jobs must be a whole number of at least 1, got {jobs!r}")
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InvalidValueError(f"seed must be a whole number of at least 0, got {seed!r}")
+    if isinstance(causes, str):
+        raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
+    for name in causes or ():
+        if cause(name).in_scene and scene is None:
+            raise InvalidValueError(f"{name} is a cause inside the scene: give diagnose the scene, too")
+    if scene is not None and not isinstance(scene, Scene):
+        raise InvalidValueError(f"scene must be a paxisim.Scene, got {type(scene).__name__}: Scene.load reads a file")
+
+
 def _explained(
-    ready: Ready, done: Confirmed, seed: int, jobs: int, tell: Tell, in_scene: InScene | None = None
+    ready: Ready, confirmed: Confirmed, seed: int, jobs: int, tell: Tell, in_scene: InScene | None = None
 ) -> Diagnosis:
     """Build the diagnosis of what was found and confirmed."""
-    raw, off, found, squares = ready.raw, ready.off, done.found, done.squares
+    recording, raw, judged = ready.recording, ready.raw, ready.off.judged
+    found, squares = confirmed.found, confirmed.squares
     tell("comparing with a black box", 0.82)
-    black, missing = _ceiling(off.judged, raw.simulated, seed, jobs)
+    black_box, note = ceiling(judged, raw.simulated, seed, jobs)
 
     tell("looking for rivals", 0.9)
-    named, short = _named(found, squares, seed, jobs)
-    doubts = (*ready.doubts, *done.structure, *short.values())
-    untestable = {**ready.not_searched, **_not_excited(found, ready.wanted)}
-    untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in named}}
-    shift = float(ready.recording.metadata.get("clocks_aligned_by", 0.0))
-    recording, replayed = ready.recording, "replay" in ready.recording.metadata
-    warnings = (*ready.warnings, *caveats(found, done.dropped, recording.pads, replayed))
+    causes = found_causes(found, squares, seed, jobs)
+    short = near_misses(found, causes)
+    doubts = (*ready.doubts, *confirmed.structure, *short.values())
+    untestable = {**ready.not_searched, **not_excited(found.problem, ready.wanted, found.scorer.rules)}
+    untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in causes}}
+    shift = float(recording.metadata.get("clocks_aligned_by", 0.0))
+    warnings = caveats(found, confirmed.dropped, recording.pads, "replay" in recording.metadata)
     return Diagnosis(
-        verdict=_verdict(named, bool(doubts or at_bounds(found)), len(raw.episodes) == 1, bool(shift)),
+        verdict=_verdict(causes, bool(doubts or at_bounds(found)), len(raw.episodes) == 1, bool(shift)),
         clock_shift=shift,
-        causes=named,
-        heldout=figures(squares, seed, black, missing),
-        confidence=_confidence(found, named, seed),
+        causes=causes,
+        heldout=figures(squares, seed, black_box, note),
+        confidence=confidence(found, causes, seed),
         not_testable=untestable,
-        streams=_streams(recording, found, in_scene),
-        symptoms=symptoms(
-            off.judged, raw.simulated, found.prediction, recording.pads, warnings=warnings, left_over=doubts
+        streams=Streams(
+            time=recording.time,
+            episode=recording.episode,
+            measured=recording.measured,  # type: ignore[arg-type]
+            simulated=recording.simulated,  # type: ignore[arg-type]
+            extended=judged.read(found.heldout).astype(np.float32),
+            covariates=judged.covariates,
+            pads=recording.pads,
+            layout=recording.layout,
+            step=judged.noise.step,
+            alive=judged.alive,
+            calibrated=judged.calibrated,
+            in_scene=in_scene,
+        ),
+        symptoms=replace(
+            symptoms(judged, raw.simulated, found.prediction, recording.pads),
+            warnings=(*ready.warnings, *warnings),
+            left_over=doubts,
         ),
         advice=advice(
-            [(item.name, item.rivals) for item in named],
+            [(item.name, item.rivals) for item in causes],
             {n: why for n, why in untestable.items() if not cause(n).barred(raw)}
             | dict.fromkeys(short, "its gain falls short of materiality"),
             {name: cause(name).excites for name in known_causes()},
-            unexplained=bool(ready.doubts or done.structure),
+            unexplained=bool(ready.doubts or confirmed.structure),
             episodes=len(raw.episodes),
         ),
         model=found.model,
-        intervals=model_intervals(found, {item.name: item.parameters for item in named}),
+        intervals=model_intervals(found, {item.name: item.parameters for item in causes}),
     )
+
+
+def _verdict(causes: Sequence[FoundCause], doubts: bool, one: bool, shifted: bool) -> Verdict:
+    if doubts:
+        return "partly_explained" if causes else "unexplained"
+    if not causes:
+        return "clocks_differ" if shifted else "no_discrepancy"
+    return "ambiguous" if one or any(item.rivals for item in causes) else "explained"
 
 
 def _unrelated(error: UnrelatedError) -> Diagnosis:
@@ -173,119 +205,4 @@ def _unrelated(error: UnrelatedError) -> Diagnosis:
         not_testable={},
         symptoms=Symptoms(error.warnings, (LeftOver(error.match.why, error.match.alike, STREAMS.correlation),)),
         advice=(CHECKS,),
-    )
-
-
-def _check(causes: Sequence[str] | None, scene: Scene | None, seed: int, jobs: int) -> None:
-    if not isinstance(jobs, int) or jobs < 1:
-        raise InvalidValueError(f"jobs must be a whole number of at least 1, got {jobs!r}")
-    if not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InvalidValueError(f"seed must be a whole number of at least 0, got {seed!r}")
-    if isinstance(causes, str):
-        raise InvalidValueError(f"causes must be a sequence of names, got the string {causes!r}")
-    for name in causes or ():
-        if cause(name).in_scene and scene is None:
-            raise InvalidValueError(f"{name} is a cause inside the scene: give diagnose the scene, too")
-    if scene is not None and not isinstance(scene, Scene):
-        raise InvalidValueError(f"scene must be a paxisim.Scene, got {type(scene).__name__}: Scene.load reads a file")
-
-
-def _named(
-    found: Explanation, squares: SquaredErrors, seed: int, jobs: int
-) -> tuple[tuple[FoundCause, ...], dict[str, LeftOver]]:
-    """The named causes, largest gain first, and near misses by name."""
-    gains = gains_of(squares, seed)
-    scorer = found.scorer
-    remembering = [name for name, item in scorer.causes.items() if isinstance(item, FittedCause) and item.remembers]
-    rivals = with_untold(found.problem, rivals_of(found), remembering)
-    parameters = parameters_of(found)
-    causes = [
-        FoundCause(
-            named.name,
-            parameters[named.name],
-            gains[named.name],
-            rivals[named.name],
-            evidence(found.problem, named, squares.without[named.name] - squares.after, gains[named.name]),
-            _parts(found, squares, named, gains[named.name], seed, jobs),
-        )
-        for named in found.named
-    ]
-    rivalling = {name for names in rivals.values() for name in names}
-    shares = scorer.near_misses(found.chosen) if found.fitted else {}
-    short = near_misses({n: s for n, s in shares.items() if n not in rivalling}, scorer.rules.near_miss)
-    return tuple(sorted(causes, key=lambda c: -c.gain.value)), short
-
-
-def _parts(
-    found: Explanation, squares: SquaredErrors, named: Named, whole: Interval, seed: int, jobs: int
-) -> tuple[FoundPart, ...]:
-    """The parts of a cause that pass the test of a cause, largest gain first; a single part has that of the whole."""
-    if not named.parts:
-        return ()
-    weak = {e.name for e in found.scorer.evidence_of_parts(found.chosen, named.name) if not e.kept}
-    gains = dict.fromkeys(named.parts, whole) | part_gains(found, squares, named, seed, jobs)
-    parts = [FoundPart(part.name, part.words, part.parameters, gain) for part, gain in gains.items()]
-    parts = [part for part in parts if part.name not in weak] or parts
-    return tuple(sorted(parts, key=lambda part: -part.gain.value))
-
-
-def _verdict(named: Sequence[FoundCause], doubts: bool, one: bool, shifted: bool) -> Verdict:
-    if doubts:
-        return "partly_explained" if named else "unexplained"
-    if not named:
-        return "clocks_differ" if shifted else "no_discrepancy"
-    return "ambiguous" if one or any(item.rivals for item in named) else "explained"
-
-
-def _ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int) -> tuple[FloatArray | None, str]:
-    try:
-        return ceiling(problem, simulated, seed, jobs), ""
-    except MissingExtraError as error:
-        return None, f"{error}."
-
-
-def _confidence(found: Explanation, causes: Sequence[FoundCause], seed: int) -> dict[str, float]:
-    """How often a cause is kept when held-out episodes are resampled, divided among the cause and its rivals.
-
-    A parameter at its bound counts as one more rival, because the true value may lie beyond.
-    """
-    bounded = at_bounds(found)
-    kept = dict.fromkeys((named.name for named in found.named), 1.0)
-    for named in found.named:
-        if named.evidence is not None:
-            gain = found.folds.independent(named.evidence.gain)
-            kept[named.name] = survives(gain, named.evidence.needed, seed)
-    return {c.name: kept[c.name] / (1 + len(c.rivals) + (c.name in bounded)) for c in causes}
-
-
-def _not_excited(found: Explanation, wanted: Sequence[Cause]) -> dict[str, str]:
-    """Reason for each cause whose effect at a material size would stay below the noise in this motion."""
-    problem, rules, missing = found.problem.thinned, found.scorer.rules, {}
-    for item in wanted:
-        if not isinstance(item, FittedCause):
-            continue
-        changes = item.effects(problem, problem.simulated)
-        energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
-        if energy < rules.visible * rules.material * problem.samples:
-            missing[item.name] = "this motion does not excite it: at a material size its effect stays below the noise"
-    return missing
-
-
-def _streams(recording: Recording, found: Explanation, in_scene: InScene | None) -> Streams:
-    assert recording.measured is not None
-    assert recording.simulated is not None
-    problem = found.off.judged
-    return Streams(
-        time=recording.time,
-        episode=recording.episode,
-        measured=recording.measured,
-        simulated=recording.simulated,
-        extended=problem.read(found.heldout).astype(np.float32),
-        covariates=problem.covariates,
-        pads=recording.pads,
-        layout=recording.layout,
-        step=problem.noise.step,
-        alive=problem.alive,
-        calibrated=problem.calibrated,
-        in_scene=in_scene,
     )

@@ -150,6 +150,7 @@ class Structure:
         agree: z-score over episodes that a shape must reach; a gain in a single episode has 1.
         form: Share of the explained energy that may remain because the form of a true cause differs slightly.
         clear: Statistic, relative to its limit, above which the structure is clear.
+        silent: Share of channels that never change, above which the recording cannot speak for the sensor.
         doubt: Share of a replay in doubt above which no verdict says that the error is explained.
     """
 
@@ -164,6 +165,7 @@ class Structure:
     agree: float = 1.2
     form: float = 0.04
     clear: float = 2.0
+    silent: float = 0.1
     doubt: float = 0.5
 
 

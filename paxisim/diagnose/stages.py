@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from paxisim.diagnose.causes.detected import ReadOff, read_off
-from paxisim.diagnose.causes.kinds import BaselineCause, Cause, DetectedCause
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, DetectedCause, FittedCause
 from paxisim.diagnose.causes.scene import IMPRATIO, MEAN_POSE
 from paxisim.diagnose.causes.vocabulary import CAUSES, cause, known_causes
 from paxisim.diagnose.data.correspondence import CLOCKS, Correspondence, aligned, correspondence_of
@@ -18,7 +20,7 @@ from paxisim.diagnose.data.responses import Responses
 from paxisim.diagnose.explain.adequacy import left_over
 from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.explain.explanation import Explanation, explanation_of
-from paxisim.diagnose.explain.heldout import SquaredErrors, affected_gains_of, explained_share, squares_of
+from paxisim.diagnose.explain.heldout import SquaredErrors, affected_gain_of, explained_share, squares_of
 from paxisim.diagnose.result import Interval, LeftOver
 from paxisim.diagnose.rules import IN_SCENE, STREAMS, STRUCTURE, Rules
 from paxisim.diagnose.scorer.scorer import PREDICTION_END, Scorer
@@ -30,16 +32,10 @@ Tell = Callable[[str, float], None]
 
 
 class UnrelatedError(Exception):
-    """The two streams do not show the same motion, so that nothing can be fitted.
-
-    Attributes:
-        recording: The recording.
-        warnings: Warnings about it.
-        match: How well its streams correspond.
-    """
+    """The two streams do not show the same motion, so that nothing can be fitted."""
 
     def __init__(self, recording: Recording, warnings: tuple[str, ...], match: Correspondence) -> None:
-        """Keep what the diagnosis reports."""
+        """Keep the recording, the warnings about it, and how well its streams correspond."""
         super().__init__(match.why)
         self.recording, self.warnings, self.match = recording, warnings, match
 
@@ -70,7 +66,7 @@ class Ready:
 def ready_for_search(
     recording: Recording, causes: Sequence[str] | None, responses: Responses | None, tell: Tell
 ) -> Ready:
-    """Check a recording and run the deterministic checks.
+    """Check, align and prepare a recording, and run the deterministic checks.
 
     Args:
         recording: As in `paxisim.diagnose`.
@@ -85,6 +81,8 @@ def ready_for_search(
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)
+    given = recording.measured
+    unmeasured = np.zeros(1, dtype=bool) if given is None else np.isnan(given).all(axis=0)  # as the recording says
     recording, warnings = prepare(recording)
     doubtful, warning = recorded_doubts(recording)
     warnings = (warning, *warnings) if warning else warnings
@@ -99,18 +97,22 @@ def ready_for_search(
     wanted, not_searched = wanted_of(raw, causes, hidden_by_replay(recording))
     off = read_off(raw, wanted)
     recording, first, distance = settled(recording, off.problem.alive)
-    doubts: tuple[LeftOver, ...] = ()
+    doubts: list[LeftOver] = []
     if first:
         raw = problem_with(recording, responses)
         off = read_off(raw, wanted)
         unsettled = f"{first} of a repeated motion read differently from the later ones"
-        doubts = (LeftOver(f"{unsettled} under load", distance, STREAMS.unsettled),)
+        doubts.append(LeftOver(f"{unsettled} under load", distance, STREAMS.unsettled))
         excluded = "These episodes were excluded, and the model describes the settled sensor"
         note = f"{unsettled} ({distance:.1f} times their spread): the sensor had not settled. {excluded}"
         warnings = (*warnings, note)
+    silent = off.silent & ~unmeasured
+    if silent.mean() > STRUCTURE.silent:
+        what = f"{silent.sum()} of {silent.size} channels never change although the simulation does"
+        doubts.append(LeftOver(what, float(silent.mean()), STRUCTURE.silent))
     if doubtful > STRUCTURE.doubt:
-        doubts = (*doubts, LeftOver("most of the replay is in doubt", doubtful, STRUCTURE.doubt))
-    return Ready(recording, warnings, doubts, tuple(wanted), not_searched, raw, off)
+        doubts.append(LeftOver("most of the replay is in doubt", doubtful, STRUCTURE.doubt))
+    return Ready(recording, warnings, tuple(doubts), tuple(wanted), not_searched, raw, off)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,27 +145,30 @@ def scorer_of(ready: Ready, jobs: int, tell: Tell, rules: Rules | None = None) -
 def confirm(ready: Ready, scorer: Scorer, names: Sequence[str], seed: int, jobs: int, tell: Tell) -> Confirmed:
     """Drop the causes whose gain is not significantly above 0.
 
-    All causes are dropped if they explain little and clear structure remains in the residual.
+    All causes are dropped if they explain little and clear structure remains in the residual: they are then not the
+    real causes.
     """
-    off = ready.off
-    found = explanation_of(off, scorer, names, jobs)
-    squares = squares_of(found, jobs)
+
+    def explained(names: Sequence[str]) -> tuple[Explanation, SquaredErrors]:
+        found = explanation_of(ready.off, scorer, names, jobs)
+        return found, squares_of(found, jobs)
+
+    found, squares = explained(names)
     tell("looking for structure in the residual", PREDICTION_END)
-    structure = left_over(off.problem, found.prediction)
-    if _explains_too_little(squares, structure, scorer.rules, seed):
-        found = explanation_of(off, scorer, (), jobs)
-        squares = squares_of(found, jobs)
+    structure = left_over(ready.off.problem, found.prediction)
+    share = explained_share(squares, squares.after, seed)
+    clear = any(item.statistic > STRUCTURE.clear * item.limit for item in structure)
+    if clear and share is not None and share.value < scorer.rules.explains:
+        found, squares = explained(())
     dropped: dict[str, Interval] = {}
     while True:
-        shares = affected_gains_of(squares, seed)
-        shares = {named.name: shares.get(named.name, Interval(0.0)) for named in found.fitted}
-        doubtful = {n: s for n, s in shares.items() if (s.value if s.low is None else s.low) <= 0}
+        shares = {n.name: affected_gain_of(squares, squares.without[n.name], seed) for n in found.fitted}
+        doubtful = {name: share for name, share in shares.items() if share.ends[0] <= 0}
         if not doubtful:
             return Confirmed(found, squares, structure, dropped)
         least = min(doubtful, key=lambda name: doubtful[name].value)
         dropped[least] = doubtful[least]
-        found = explanation_of(off, scorer, [name for name in found.chosen if name not in dropped], jobs)
-        squares = squares_of(found, jobs)
+        found, squares = explained([name for name in found.chosen if name not in dropped])
 
 
 def wanted_of(
@@ -196,8 +201,14 @@ def _needs_contact(raw: Problem, item: Cause) -> str:
     return "" if acts else "it has no effect without contact"
 
 
-def _explains_too_little(squares: SquaredErrors, structure: Sequence[LeftOver], rules: Rules, seed: int) -> bool:
-    """Whether clear structure remains while the causes explain little; they are then not the real causes."""
-    share = explained_share(squares, squares.after, seed)
-    clear = any(item.statistic > STRUCTURE.clear * item.limit for item in structure)
-    return clear and share is not None and share.value < rules.explains
+def not_excited(problem: Problem, causes: Sequence[Cause], rules: Rules) -> dict[str, str]:
+    """Reason for each cause whose effect at a material size would stay below the noise in this motion."""
+    problem, missing = problem.thinned, {}
+    for item in causes:
+        if isinstance(item, FittedCause):
+            changes = item.effects(problem, problem.simulated)
+            energy = max((float(np.sum((change * problem.weight) ** 2)) for change in changes), default=np.inf)
+            if energy < rules.visible * rules.material * problem.samples:
+                why = "this motion does not excite it: at a material size its effect stays below the noise"
+                missing[item.name] = why
+    return missing

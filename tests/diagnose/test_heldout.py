@@ -10,7 +10,7 @@ from paxisim import augment
 from paxisim.diagnose.causes.vocabulary import cause
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.explain.explanation import heldout_of
-from paxisim.diagnose.explain.heldout import SquaredErrors, explained_share, gains_of, survives
+from paxisim.diagnose.explain.heldout import SquaredErrors, explained_share, gain_of, survives
 from paxisim.diagnose.rules import Rules
 from paxisim.diagnose.scorer.scorer import Scorer
 
@@ -66,7 +66,7 @@ def test_a_gain_is_a_share_of_what_can_be_explained():
         (2.0, 2.2, 1.9999, -0.1),
     ):
         squares = squared(before, after, floor, {"creep": before * each})
-        assert gains_of(squares, 0)["creep"].value == pytest.approx(gain)
+        assert gain_of(squares, squares.without["creep"], 0).value == pytest.approx(gain)
     assert explained_share(squared(1.0), each, 0) is None, "nothing is above the floor"
     # some bootstrap samples of a few episodes with little noise have no explainable error: no warning
     share = explained_share(squared(np.array([5.0, *[0.9] * (EPISODES - 1)])), each, 0)

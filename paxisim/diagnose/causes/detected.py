@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from paxisim.diagnose.causes.kinds import Cause, DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.data.silent import silent_channels
@@ -33,6 +36,11 @@ class ReadOff:
         """The recording on which errors are reported; missing readings of dead taxels count as errors."""
         dead = self.raw.alive & ~self.problem.alive & ~silent_channels(self.raw)
         return replace(self.problem, alive=self.problem.alive | dead)
+
+    @property
+    def silent(self) -> NDArray[np.bool_]:
+        """``(pads, 3, rows, cols)`` channels that are not compared, because they never change."""
+        return self.raw.alive & ~self.judged.alive
 
     def with_dead(self, prediction: FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, a prediction with the detected dead or stuck taxels."""

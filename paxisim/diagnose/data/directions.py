@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.augment.transform import Transform
 from paxisim.diagnose.data.pieces import FloatArray
 from paxisim.diagnose.rules import NOISE
 
@@ -51,3 +52,27 @@ def directions_of(covariates: Mapping[str, FloatArray], rest: NDArray[np.bool_])
     enough = int(np.searchsorted(np.cumsum(size) / size.sum(), NOISE.kept_variance)) + 1
     count = min(enough, NOISE.directions, len(names))
     return Directions(names, middle, ways[:count] / np.sqrt(size[:count, None]) / scale)
+
+
+def followed(
+    transform: Transform,
+    covariates: Mapping[str, NDArray[np.floating]],
+    added: NDArray[np.floating],
+    frames: NDArray[np.bool_],
+) -> tuple[str, float]:
+    """The covariate that explains most of a transform's effect linearly, and the share that it explains.
+
+    Args:
+        transform: Transform with covariates.
+        covariates: Covariates by name, ``(T,)`` each.
+        added: ``(frames, channels)`` N, effect of the transform in the selected frames.
+        frames: ``(T,)`` selected frames.
+    """
+    apart = added - added.mean(axis=0)
+    whole = max(float(np.sum(apart**2)), 1e-300)
+    shares = {}
+    for name in transform.covariate_names:
+        values = covariates[name][frames] - covariates[name][frames].mean()
+        shares[name] = float(np.sum((values @ apart) ** 2)) / max(float(values @ values), 1e-300) / whole
+    best = max(shares, key=lambda name: shares[name])
+    return best, shares[best]

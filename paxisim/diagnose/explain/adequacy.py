@@ -30,30 +30,22 @@ def left_over(problem: Problem, prediction: FloatArray) -> tuple[LeftOver, ...]:
         problem: The recording.
         prediction: ``(T, pads, 3, rows, cols)`` newtons, the output of the model.
     """
-    tests = dict(_tests(problem, prediction))
-    if any(f.statistic > f.limit for f in tests.values()):
-        for kind, before in _tests(problem, problem.simulated):
-            if kind in tests:
-                tests[kind] = replace(tests[kind], limit=max(tests[kind].limit, LIMITS.form * before.statistic))
-    found = [*tests.values()]
+    found = _tests(problem, prediction)
+    if any(one.statistic > one.limit for one in found.values()):
+        for test, before in _tests(problem, problem.simulated).items():
+            if test in found:
+                found[test] = replace(found[test], limit=max(found[test].limit, LIMITS.form * before.statistic))
+    results = [*found.values()]
     if problem.has_contact:  # shapes of the force; without contact there is none
-        found += _shapes(shapes_of(problem, prediction))
-    return tuple(sorted((f for f in found if f.statistic > f.limit), key=lambda f: -f.statistic / f.limit))
+        results += _shapes(shapes_of(problem, prediction))
+    return tuple(sorted((f for f in results if f.statistic > f.limit), key=lambda f: -f.statistic / f.limit))
 
 
-def _tests(problem: Problem, prediction: FloatArray) -> Iterator[tuple[str, LeftOver]]:
-    """The result of each test, with the name of the test."""
+def _tests(problem: Problem, prediction: FloatArray) -> dict[str, LeftOver]:
+    """The result of each test by the test's name; a test that has too few samples has none."""
     residual = _residual(problem, prediction)
-    for kind, found in (
-        ("load", _under_load(problem, prediction, residual)),
-        ("together", _together(problem, residual)),
-        ("bursts", _bursts(problem, residual)),
-        ("line", _lines(problem, residual)),
-        ("neighbour", _neighbours(problem, prediction, residual)),
-        ("held", _held(problem)),
-    ):
-        for item in found:
-            yield kind, item
+    results = {test.__name__: test(problem, prediction, residual) for test in TESTS}
+    return {name: result for name, result in results.items() if result is not None}
 
 
 def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
@@ -62,30 +54,31 @@ def _residual(problem: Problem, prediction: FloatArray) -> NDArray[np.float32]:
     residual = np.empty(prediction.shape, dtype=np.float32)
     for span in problem.episodes:
         difference = problem.measured[span] - problem.read(prediction[span])
-        square = (problem.alive / problem.noise.sigma[span]) ** 2
-        amount, weights = amount + np.sum(square * difference, axis=0), weights + square.sum(axis=0)
+        square = problem.weight[span] ** 2
+        amount += np.sum(square * difference, axis=0)
+        weights += square.sum(axis=0)
         residual[span] = difference
     mean = amount / np.maximum(weights, 1e-12)
     for span in problem.episodes:
-        residual[span] = (residual[span] - mean) * (problem.alive / problem.noise.sigma[span])
+        residual[span] = (residual[span] - mean) * problem.weight[span]
     return residual
 
 
-def _under_load(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
+def _under_load(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test whether the residual of pressed taxels exceeds that at rest by more than the tolerances allow."""
     pressed, quiet = np.zeros(2), np.zeros(2)
     for span in problem.episodes:
         load = np.abs(prediction[span]).max(axis=2, keepdims=True) > 0.1 * problem.peak
-        square, loaded = residual[span] ** 2, load & problem.alive
-        rest = problem.at_rest[span]
+        square, loaded, rest = residual[span] ** 2, load & problem.alive, problem.at_rest[span]
         pressed += square[loaded].sum(dtype=float), loaded.sum()
         quiet += square[rest].sum(dtype=float), rest.sum() * problem.alive.sum()
-    if pressed[1] >= 100:
-        ratio = pressed[0] / pressed[1] / max(quiet[0] / max(quiet[1], 1), 1.0)
-        yield LeftOver("the residual grows under load by more than the tolerances allow", float(ratio), LIMITS.contact)
+    if pressed[1] < 100:
+        return None
+    ratio = pressed[0] / pressed[1] / max(quiet[0] / max(quiet[1], 1), 1.0)
+    return LeftOver("the residual grows under load by more than the tolerances allow", float(ratio), LIMITS.contact)
 
 
-def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
+def _together(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test whether the residuals of a pad's taxels are correlated at rest; independent noise is not."""
     means, energy = [], np.zeros(problem.alive.shape[:2])
     for span in problem.episodes:
@@ -93,56 +86,55 @@ def _together(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftO
         means.append(rest.sum(axis=(3, 4)))
         energy += np.sum(rest**2, axis=(0, 3, 4))
     mean = np.concatenate(means)
-    if len(mean) >= 20:
-        count = np.maximum(problem.alive.sum(axis=(2, 3)), 1)
-        each = np.maximum(energy / count / len(mean), 0.1)
-        ratio = np.mean(mean**2, axis=0) / count / each
-        yield LeftOver("the taxels of a pad change together at rest", float(ratio.max()), LIMITS.common)
+    if len(mean) < 20:
+        return None
+    count = np.maximum(problem.alive.sum(axis=(2, 3)), 1)
+    each = np.maximum(energy / count / len(mean), 0.1)
+    ratio = np.mean(mean**2, axis=0) / count / each
+    return LeftOver("the taxels of a pad change together at rest", float(ratio.max()), LIMITS.common)
 
 
-def _bursts(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
+def _bursts(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test whether a few frames at rest carry most of the energy."""
     energy = np.concatenate(
         [np.mean(residual[span][problem.at_rest[span]] ** 2, axis=(1, 2, 3, 4)) for span in problem.episodes]
     )
     if len(energy) < 50:
-        return
+        return None
     worst = np.sort(energy)[-max(3, len(energy) // 100) :].mean()
     ratio = float(worst / max(np.median(energy), 1.0))
-    yield LeftOver("bursts: a few frames at rest carry most of the error", ratio, LIMITS.burst)
+    return LeftOver("bursts: a few frames at rest carry most of the error", ratio, LIMITS.burst)
 
 
-def _lines(problem: Problem, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
+def _lines(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test for a spectral line at rest, such as mains hum or its alias."""
     length = min(max(span.stop - span.start for span in problem.episodes), _WINDOW)
-    interval = problem.interval
-    frequency = np.fft.rfftfreq(length, interval)
+    frequency = np.fft.rfftfreq(length, problem.interval)
     window = np.hanning(length)[:, None]
     power, energy = np.zeros(len(frequency)), 0.0
     for span in problem.episodes:
-        at_rest = problem.at_rest[span]
-        part = (residual[span] * at_rest[:, None, None, None, None]).reshape(len(at_rest), -1)
+        part = residual[span].reshape(span.stop - span.start, -1) * problem.at_rest[span, None]
         energy += np.sum(part**2, dtype=float)
         for start in range(0, len(part) - length + 1, length):
             power += np.sum(np.abs(np.fft.rfft(part[start : start + length] * window, axis=0)) ** 2, axis=1)
     if len(power) < 24 or energy < 0.1 * problem.at_rest.sum() * problem.alive.size:
-        return
+        return None
     ratios = np.zeros(len(power))
     for i in range(6, len(power) - 3):
         beside = np.r_[max(2, i - 14) : i - 3, i + 4 : min(len(power), i + 15)]
         ratios[i] = power[i] / max(np.median(power[beside]), 1e-12)
     at = int(ratios.argmax())
-    yield LeftOver(f"a spectral line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LIMITS.line)
+    return LeftOver(f"a spectral line at {frequency[at]:.1f} Hz at rest", float(ratios[at]), LIMITS.line)
 
 
-def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> Iterator[LeftOver]:
+def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test whether a taxel reads the force on one of its neighbours."""
     rows, cols = prediction.shape[-2:]
     sides = ((0, 1), (0, -1), (1, 0), (-1, 0))
     projections = np.zeros((len(sides), len(problem.episodes), prediction.shape[1], rows, cols))
     products = np.zeros_like(projections)
     for number, span in enumerate(problem.episodes):
-        x, weight = prediction[span], problem.alive / problem.noise.sigma[span]
+        x, weight = prediction[span], problem.weight[span]
         padded = np.pad(x, ((0, 0), (0, 0), (0, 0), (1, 1), (1, 1)), mode="edge")
         for side, (down, right) in enumerate(sides):
             effect = (padded[..., 1 + down : 1 + down + rows, 1 + right : 1 + right + cols] - x) * weight
@@ -151,11 +143,11 @@ def _neighbours(problem: Problem, prediction: FloatArray, residual: NDArray[np.f
     share = np.clip(others(projections, 1) / (others(products, 1) + 1.0), 0.0, 1.2)
     gain = np.sum(2 * share * projections - share**2 * products, axis=1).max(axis=0) / len(problem.time)
     pad, row, col = np.unravel_index(int(gain.argmax()), gain.shape)
-    name = problem.pads[pad] if problem.pads else f"pad {pad}"
-    yield LeftOver(f"{name}, taxel ({row}, {col}), reads the force on a neighbour", float(gain.max()), LIMITS.neighbour)
+    taxel = f"{problem.pads[pad] if problem.pads else f'pad {pad}'}, taxel ({row}, {col}),"
+    return LeftOver(f"{taxel} reads the force on a neighbour", float(gain.max()), LIMITS.neighbour)
 
 
-def _held(problem: Problem) -> Iterator[LeftOver]:
+def _held(problem: Problem, prediction: FloatArray, residual: NDArray[np.float32]) -> LeftOver | None:
     """Test for frames that repeat although the force changes."""
     same, moved = 0, 0
     for span in problem.episodes:
@@ -163,8 +155,10 @@ def _held(problem: Problem) -> Iterator[LeftOver]:
         clear = np.any(change > 2 * problem.noise.step + 6 * problem.noise.sigma[span][1:], axis=(1, 2, 3, 4))
         still = np.all(np.diff(problem.measured[span], axis=0) == 0, axis=(1, 2, 3, 4))
         same, moved = same + int((clear & still).sum()), moved + int(clear.sum())
-    if moved >= 20:
-        yield LeftOver("frames are repeated while the force changes", same / moved, LIMITS.held)
+    return LeftOver("frames are repeated while the force changes", same / moved, LIMITS.held) if moved >= 20 else None
+
+
+TESTS = (_under_load, _together, _bursts, _lines, _neighbours, _held)
 
 
 def _shapes(shapes: Shapes) -> Iterator[LeftOver]:

@@ -15,10 +15,8 @@ MAX_FRAMES = 4000  # most frames that are evaluated
 LAGS = (1, 2, 4, 8)  # frames
 FOLDS = 8
 
-Places = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]
 
-
-def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -> FloatArray:
+def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -> tuple[FloatArray | None, str]:
     """``(episodes,)`` squared error (N^2) of gradient boosting on the simulation and its past.
 
     For each axis, the model predicts the difference between measurement and simulation from the present and past force
@@ -31,42 +29,39 @@ def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -
         seed: Random seed of the boosting and of the subset.
         jobs: Number of threads.
 
-    Raises:
-        MissingExtraError: scikit-learn is not installed.
+    Returns:
+        The error and an empty string; or None and the reason, if scikit-learn is not installed.
     """
     try:
         import sklearn.ensemble  # noqa: F401
         import threadpoolctl  # noqa: F401  # comes with scikit-learn
-    except ImportError as error:
-        raise MissingExtraError("scikit-learn", "diagnose", "the black-box ceiling") from error
+    except ImportError:
+        return None, f"{MissingExtraError('scikit-learn', 'diagnose', 'the black-box ceiling')}."
     difference = problem.measured - simulated
-    inputs, places = _inputs(problem, simulated)
+    inputs, (pad, row, col) = _inputs(problem, simulated)
     after = np.zeros(len(problem.episodes))
     for axis in range(3):
-        pad, row, col = places
-        alive = problem.alive[pad, axis, row, col]
-        before = [np.sum(difference[span][:, :, axis] ** 2, where=problem.alive[:, axis]) for span in problem.episodes]
-        left = 1.0
-        if alive.any():
-            wanted = difference[:, :, axis][:, pad, row, col].T[alive]  # (C, T)
-            left = _left(problem, inputs[alive], wanted, seed, jobs)
-        after += np.array(before) * left
-    return after
+        own, alive = difference[:, :, axis], problem.alive[:, axis]
+        before = np.array([np.sum(own[span] ** 2, where=alive) for span in problem.episodes])
+        used = alive[pad, row, col]
+        if used.any():
+            before *= _left(problem, inputs[used], own[:, pad, row, col].T[used], seed, jobs)
+        after += before
+    return after, ""
 
 
 def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, jobs: int) -> FloatArray:
     """``(episodes,)`` held-out squared error as a share of the energy of `wanted` ``(C, T)``."""
     from sklearn.ensemble import HistGradientBoostingRegressor
-    from sklearn.model_selection import KFold
     from threadpoolctl import ThreadpoolController
 
     count = len(problem.episodes)
-    episode = np.concatenate([np.full(span.stop - span.start, e) for e, span in enumerate(problem.episodes)])
+    episode = np.repeat(np.arange(count), [span.stop - span.start for span in problem.episodes])
     judged = np.arange(len(episode)) % max(1, len(episode) // MAX_FRAMES) == 0
     left = np.ones(count)
     controller = ThreadpoolController()
 
-    def judge(fold: list[int]) -> None:
+    def judge(fold: NDArray[np.intp]) -> None:
         train = ~np.isin(episode, fold) if count > 1 else np.ones(len(episode), dtype=bool)
         x, y = inputs[:, train].reshape(-1, inputs.shape[-1]), wanted[:, train].ravel()
         pick = np.random.default_rng((seed, fold[0])).choice(len(y), min(len(y), MAX_ROWS), replace=False)
@@ -81,27 +76,20 @@ def _left(problem: Problem, inputs: FloatArray, wanted: FloatArray, seed: int, j
                 if true.any():  # without an error on these taxels, the factor is undefined
                     left[number] = np.sum((true - guess) ** 2) / np.sum(true**2)
 
-    folds = [list(held) for _, held in KFold(min(FOLDS, count)).split(np.arange(count))] if count > 1 else [[0]]
-    parallel_map(judge, folds, jobs)
+    parallel_map(judge, np.array_split(np.arange(count), min(FOLDS, count)), jobs)
     return left
 
 
-def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, Places]:
+def _inputs(problem: Problem, x: FloatArray) -> tuple[FloatArray, tuple[NDArray[np.intp], ...]]:
     """``(C, T, D)`` features of the most loaded taxels, and their pads, rows and columns."""
     load = np.sqrt(np.mean(x**2, axis=(0, 2)))
     order = np.argsort(load.ravel())[::-1][:MAX_TAXELS]
     pad, row, col = np.unravel_index(order, load.shape)
     own = x[:, pad, :, row, col]  # (C, T, 3): the indexed axes come first
-    columns = [own]
-    for lag in LAGS:
-        late = own.copy()
-        for span in problem.episodes:
-            first = min(span.start + lag, span.stop)
-            late[:, first : span.stop] = own[:, span.start : span.stop - lag] if first < span.stop else 0.0
-            late[:, span.start : first] = own[:, span.start : span.start + 1]
-        columns.append(late)
-    columns.append(np.moveaxis(x.sum(axis=(3, 4)), 0, 1)[pad])  # total force on the pad
-    for values in (problem.time - problem.time[0], *problem.covariates.values()):
-        columns.append(np.broadcast_to(values[None, :, None], (*own.shape[:2], 1)))
-    columns.append(np.broadcast_to(np.arange(len(order), dtype=float)[:, None, None], (*own.shape[:2], 1)))
-    return np.concatenate(columns, axis=-1), (pad, row, col)
+    start = np.concatenate([np.full(span.stop - span.start, span.start) for span in problem.episodes])
+    past = [own[:, np.maximum(np.arange(len(start)) - lag, start)] for lag in LAGS]
+    total = np.moveaxis(x.sum(axis=(3, 4)), 0, 1)[pad]  # on the pad
+    alike = [problem.time - problem.time[0], *problem.covariates.values()]
+    columns = [*(values[None, :] for values in alike), np.arange(len(order), dtype=float)[:, None]]
+    others = [np.broadcast_to(values, own.shape[:2])[..., None] for values in columns]
+    return np.concatenate([own, *past, total, *others], axis=-1), (pad, row, col)

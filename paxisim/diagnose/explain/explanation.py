@@ -14,7 +14,7 @@ from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, Fitte
 from paxisim.diagnose.causes.vocabulary import CAUSES
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.scorer.fitting import Fit, Part, with_curves
+from paxisim.diagnose.scorer.fitting import Fit, Fitter, Part, with_curves
 from paxisim.diagnose.scorer.model import Model, in_order
 from paxisim.diagnose.scorer.scorer import Evidence, Scorer
 from paxisim.diagnose.search import confirmed
@@ -89,62 +89,49 @@ class Explanation:
 
 
 def explanation_of(off: ReadOff, scorer: Scorer, chosen: Sequence[str], jobs: int = 1) -> Explanation:
-    """Build the explanation from the result of a search.
-
-    Args:
-        off: Result of the deterministic checks.
-        scorer: The scorer.
-        chosen: Names of the causes that the search selected.
-        jobs: Number of processors.
-    """
-    chosen = confirmed(scorer, chosen)
+    """Build the explanation from the result of the checks and the names of the causes that a search selected."""
+    problem, chosen = off.problem, confirmed(scorer, chosen)
+    evidence = {name: scorer.evidence(chosen, name, exact=True) for name in chosen if not scorer.causes[name].tacit}
     asked = {item.name for item in off.causes}
-    tacit = {name for name in chosen if scorer.causes[name].tacit}
-    evidence = {name: scorer.evidence(chosen, name, exact=True) for name in chosen if name not in tacit}
-    dropped = [n for n in evidence if scorer.causes[n].nuisance and not (evidence[n].kept and n in asked)]
+    dropped = [n for n, own in evidence.items() if scorer.causes[n].nuisance and not (own.kept and n in asked)]
     fit = scorer.exact(scorer.without(chosen, dropped[0]) if dropped else scorer.fit(chosen))
-    prediction = off.with_dead(predicted(off.problem, fit.causes, fit.whole, fit.constant))
-    heldout = off.with_dead(heldout_of(off.problem, scorer.folds, fit, jobs))
-    members, named = _members(off, fit, evidence)
-    for name, reading in off.readings.items():
-        item = next(c for c in off.causes if c.name == name)
-        named.append(Named(item, reading.transform, reading.values, None))
-        members.append((item.order, name, reading.transform))
-    ordered = sorted(members, key=lambda member: member[0])
-    model = in_order([(name, transform) for _, name, transform in ordered])
-    named.sort(key=lambda item: item.cause.order)
-    return Explanation(off, scorer, chosen, fit, tuple(named), model, prediction, heldout)
-
-
-def _members(
-    off: ReadOff, fit: Fit, evidence: Mapping[str, Evidence]
-) -> tuple[list[tuple[float, str, Transform]], list[Named]]:
-    """The members of the model with their positions in the chain, and the fitted causes."""
-    members, named = [], []
-    for item in fit.causes:
-        values: dict[str, float | FloatArray]
-        if isinstance(item, BaselineCause):
-            shape = fit.shapes[item.name]
-            amounts = np.where(off.problem.alive, fit.zeros[item.name], 0.0)
-            amounts = amounts[0] if len(amounts) == 1 else amounts
-            values = {item.amounts: amounts, **dict(zip(item.numbers, shape, strict=True))}
-            transform = item.make(amounts, shape, off.problem)
-        elif isinstance(item, PerChannelCause):
-            values = {item.array: fit.whole.values[item.name]}
-            transform = item.make(fit.whole.values[item.name], off.problem)
-        else:
-            assert isinstance(item, FittedCause)
-            numbers = fit.whole.values[item.name]
-            values = {f.name: float(v) for f, v in zip(item.parameters(off.problem), numbers, strict=True)}
-            transform = item.transform(numbers, off.problem)
-        if not item.in_scene:  # a cause inside the scene is not part of the sensor model
-            members.append((item.order, item.name, transform))
-        if not item.tacit:
-            named.append(Named(item, transform, values, evidence[item.name]))
+    every = [Named(item, *_fitted(item, fit, problem), evidence.get(item.name)) for item in fit.causes]
+    detected = [(item, off.readings[item.name]) for item in off.causes if item.name in off.readings]
+    every += [Named(item, reading.transform, reading.values, None) for item, reading in detected]
+    every.sort(key=lambda named: named.cause.order)
+    members = [(named.cause.order, named.name, named.transform) for named in every if not named.cause.in_scene]
     if np.any(fit.constant):  # the offset that the causes own by convention
         nuisance = next(c for c in baseline_causes(CAUSES) if c.nuisance)
-        members.append((nuisance.order, nuisance.name, nuisance.make(np.asarray(fit.constant), (), off.problem)))
-    return members, named
+        members.append((nuisance.order, nuisance.name, nuisance.make(np.asarray(fit.constant), (), problem)))
+        members.sort(key=lambda member: member[0])
+    return Explanation(
+        off,
+        scorer,
+        chosen,
+        fit,
+        named=tuple(named for named in every if not named.cause.tacit),
+        model=in_order([(name, transform) for _, name, transform in members]),
+        prediction=off.with_dead(predicted(problem, fit.causes, fit.whole, fit.constant)),
+        heldout=off.with_dead(heldout_of(problem, scorer.folds, fit, jobs)),
+    )
+
+
+def _fitted(item: Cause, fit: Fit, problem: Problem) -> tuple[Transform, dict[str, float | FloatArray]]:
+    """The transform of a fitted cause, and its values by name."""
+    if isinstance(item, BaselineCause):
+        shape = fit.shapes[item.name]
+        amounts = np.where(problem.alive, fit.zeros[item.name], 0.0)
+        amounts = amounts[0] if len(amounts) == 1 else amounts
+        return item.make(amounts, shape, problem), {
+            item.amounts: amounts,
+            **dict(zip(item.numbers, shape, strict=True)),
+        }
+    values = fit.whole.values[item.name]
+    if isinstance(item, PerChannelCause):
+        return item.make(values, problem), {item.array: values}
+    assert isinstance(item, FittedCause)
+    names = [free.name for free in item.parameters(problem)]
+    return item.transform(values, problem), dict(zip(names, map(float, values), strict=True))
 
 
 def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: FloatArray | float) -> FloatArray:
@@ -166,48 +153,27 @@ def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> Float
     return out
 
 
-def without_each(found: Explanation, jobs: int = 1) -> dict[str, tuple[Problem, FloatArray]]:
-    """By cause, the problem and the held-out prediction of the model refitted without it.
+def reading_without(found: Explanation, named: Named, part: CausePart | None = None, jobs: int = 1) -> FloatArray:
+    """``(T, pads, 3, rows, cols)`` N, held-out mean reading of the model refitted without a cause or a part of it.
 
-    Args:
-        found: The explanation.
-        jobs: Number of processors.
+    Without a cause that a check detected, the model is fitted to the streams as they are without that check.
     """
-    out = {}
-    for named in found.named:
-        if named.evidence is None:
-            out[named.name] = _unread(found, named, jobs)
-            continue
-        prediction = heldout_of(found.problem, found.folds, _refitted_without(found, named), jobs)
-        out[named.name] = found.problem, found.off.with_dead(prediction)
-    return out
-
-
-def without_each_part(found: Explanation, named: Named, jobs: int = 1) -> dict[CausePart, FloatArray]:
-    """By part of a cause with several, the held-out prediction of the model refitted without the part."""
-    out = {}
-    for part in named.parts if len(named.parts) > 1 else ():
-        start = found.fit.lacking(named.name, part, found.problem)
-        fit = found.scorer.exact(found.scorer.fitter.fit(start.causes, start, found.fit.constant))
-        out[part] = found.off.with_dead(heldout_of(found.problem, found.folds, fit, jobs))
-    return out
-
-
-def _refitted_without(found: Explanation, named: Named) -> Fit:
-    """The model refitted without one of its causes."""
-    scorer, names = found.scorer, [c.name for c in found.fit.causes]
-    if not np.any(found.fit.constant):
-        return scorer.exact(scorer.without(names, named.name))
-    fewer = [c for c in found.fit.causes if c.name != named.name]
-    return scorer.fitter.exact(scorer.fitter.fit(fewer, found.fit, found.fit.constant))
-
-
-def _unread(found: Explanation, named: Named, jobs: int) -> tuple[Problem, FloatArray]:
-    """The same for a cause that a check detected: the streams are compared without that check."""
-    others = [c for c in found.off.causes if c.name != named.name]
-    problem = read_off(found.off.raw, others).problem
+    if named.evidence is not None:
+        prediction = heldout_of(found.problem, found.folds, _fit_without(found, named, part), jobs)
+        return found.problem.read(found.off.with_dead(prediction))
+    problem = read_off(found.off.raw, [c for c in found.off.causes if c.name != named.name]).problem
     if found.off.readings[named.name].rounds:
-        return replace(problem, noise=replace(problem.noise, step=0.0, clips=False)), found.heldout
-    scorer = Scorer(problem, found.scorer.causes.values(), found.scorer.rules, found.folds)
-    fit = scorer.fitter.exact(scorer.fitter.fit(found.fit.causes, found.fit, found.fit.constant))
-    return problem, heldout_of(problem, found.folds, fit, jobs)
+        return replace(problem.noise, step=0.0, clips=False).read(found.heldout)
+    fitter = Fitter(problem, found.folds)
+    fit = fitter.exact(fitter.fit(found.fit.causes, found.fit, found.fit.constant))
+    return problem.read(heldout_of(problem, found.folds, fit, jobs))
+
+
+def _fit_without(found: Explanation, named: Named, part: CausePart | None) -> Fit:
+    """The fit, with independently fitted folds, without a fitted cause or one of its parts."""
+    scorer, fit = found.scorer, found.fit
+    if part is None and not np.any(fit.constant):  # known from the search
+        return scorer.exact(scorer.without(fit.names, named.name))
+    start = fit if part is None else fit.lacking(named.name, part, found.problem)
+    causes = [c for c in start.causes if part is not None or c.name != named.name]
+    return scorer.fitter.exact(scorer.fitter.fit(causes, start, fit.constant))

@@ -5,18 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
 
 import numpy as np
-from scipy.stats import bootstrap
 
-from paxisim.diagnose.causes.kinds import CausePart
 from paxisim.diagnose.data.problem import FloatArray, Problem, showing
-from paxisim.diagnose.explain.explanation import Explanation, Named, without_each, without_each_part
+from paxisim.diagnose.explain.explanation import Explanation, reading_without
 from paxisim.diagnose.result import HeldOut, Interval
 from paxisim.diagnose.rules import STREAMS
-
-K = TypeVar("K")
 
 RESAMPLES = 400  # bootstrap resamples
 CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
@@ -56,38 +51,26 @@ class SquaredErrors:
 
 def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
     """Squared errors of the simulation and the model on held-out samples."""
-    problem = found.off.judged
+    problem, simulated = found.off.judged, found.off.raw.simulated
     coarse = any(reading.rounds for reading in found.off.readings.values())  # then rounding is one of the causes
-    simulated = found.off.raw.simulated
     after = problem.measured - problem.read(found.heldout)
-    without = {}
-    for name, (own, prediction) in without_each(found, jobs).items():
-        without[name] = _squares(problem, problem.measured - own.read(prediction))
     floor, source = _noise(problem, found.heldout, after, coarse)
     return SquaredErrors(
-        _squares(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
-        _squares(problem, after),
-        without,
-        floor,
-        _squares(problem, problem.measured),
-        source,
-        found.folds.split,
+        before=by_episode(problem, problem.measured - (simulated if coarse else problem.read(simulated))),
+        after=by_episode(problem, after),
+        without={
+            named.name: by_episode(problem, problem.measured - reading_without(found, named, jobs=jobs))
+            for named in found.named
+        },
+        floor=floor,
+        force=by_episode(problem, problem.measured),
+        source=source,
+        split=found.folds.split,
     )
 
 
-def part_gains(
-    found: Explanation, squares: SquaredErrors, named: Named, seed: int, jobs: int = 1
-) -> dict[CausePart, Interval]:
-    """Share of the explainable error that each part of a cause removes; see `gains_of`."""
-    problem = found.off.judged
-    without = {
-        part: _squares(problem, problem.measured - problem.read(prediction))
-        for part, prediction in without_each_part(found, named, jobs).items()
-    }
-    return _shares(squares, without, seed)
-
-
-def _squares(problem: Problem, values: FloatArray) -> FloatArray:
+def by_episode(problem: Problem, values: FloatArray) -> FloatArray:
+    """``(episodes,)`` squares of ``(T, pads, 3, rows, cols)`` values, summed over the channels in use."""
     return np.array([np.sum(values[span] ** 2, where=problem.alive) for span in problem.episodes])
 
 
@@ -113,99 +96,83 @@ def _noise(problem: Problem, prediction: FloatArray, after: FloatArray, coarse: 
     each = np.where(np.abs(prediction) > problem.noise.step / 4, np.maximum(variance, rounding), variance)
     floor = np.array([np.sum(each[span], where=problem.alive) for span in problem.episodes])
     if coarse:
-        floor *= min(1.0, float(_squares(problem, after).sum() / max(floor.sum(), 1e-12)))
+        floor *= min(1.0, float(by_episode(problem, after).sum() / max(floor.sum(), 1e-12)))
     return floor, "high-frequency differences"
 
 
 def _repeated(problem: Problem) -> float | None:
-    """Half the squared difference (N^2 per frame) between repeats of one simulated motion; None without repeats."""
-    found = []
+    """Half the squared difference (N^2 per frame) between repeats of a simulated motion; None for a pair or none.
+
+    A single pair may be one measurement that was stored twice.
+    """
+    found, simulated = [], problem.simulated
     for one, other in itertools.combinations(problem.episodes, 2):
         length = one.stop - one.start
-        if length != other.stop - other.start:
+        if length != other.stop - other.start or len(found) > 20:
             continue
-        force = float(np.mean(problem.simulated[one] ** 2))
-        if force < 1e-4 * problem.peak**2 or len(found) > 20:
+        force = float(np.mean(simulated[one] ** 2))
+        if force < 1e-4 * problem.peak**2:
             continue
-        if np.mean((problem.simulated[one] - problem.simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
+        if np.mean((simulated[one] - simulated[other]) ** 2) < STREAMS.same_motion**2 * force:
             apart = problem.measured[one] - problem.measured[other]
             found.append(float(np.sum(apart**2, where=problem.alive)) / 2 / length)
-    return float(np.median(found)) if found else None
+    return float(np.median(found)) if len(found) > 1 else None
 
 
-def share_of(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
-    """The gain as a share of the explainable error, with a 90 % interval from a bootstrap over episodes.
+def _resampled(values: FloatArray, seed: int) -> FloatArray:
+    """``(..., RESAMPLES)`` sums of ``(..., units)`` values over units drawn with replacement, for a bootstrap."""
+    count = values.shape[-1]
+    return values[..., np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))].sum(axis=-1)
 
-    Args:
-        gained: ``(episodes,)`` reduction of the squared error, N^2.
-        room: ``(episodes,)`` squared error that it is a share of, N^2, with a positive sum.
-        seed: Random seed of the bootstrap.
-    """
+
+def _share(gained: FloatArray, room: FloatArray, seed: int) -> Interval:
+    """The gain ``(episodes,)`` N^2 as a share of an error ``(episodes,)`` N^2, with a 90 % interval over episodes."""
     value = float(gained.sum() / room.sum())
     if len(room) < 3 or not np.ptp(gained):
         return Interval(value)
-
-    def share(own: FloatArray, whole: FloatArray, axis: int = -1) -> FloatArray:
-        total = whole.sum(axis=axis)
-        return np.asarray(np.where(total > 0, own.sum(axis=axis) / np.where(total > 0, total, 1.0), value))
-
-    generator: Any = np.random.default_rng(seed)
-    options: dict[str, Any] = {"random_state": generator}  # newer scipy versions call it rng but accept both
-    drawn = bootstrap(
-        (gained, room), share, paired=True, vectorized=True, n_resamples=RESAMPLES, confidence_level=CONFIDENCE_LEVEL,
-        method="percentile", **options,
-    )  # fmt: skip
-    return Interval(value, float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+    own, whole = _resampled(np.array([gained, room]), seed)
+    shares = np.where(whole > 0, own / np.where(whole > 0, whole, 1.0), value)
+    low, high = np.quantile(shares, [(1 - CONFIDENCE_LEVEL) / 2, (1 + CONFIDENCE_LEVEL) / 2])
+    return Interval(value, float(low), float(high))
 
 
 def explained_share(squares: SquaredErrors, after: FloatArray, seed: int) -> Interval | None:
     """Share of the explainable error that is removed; None if the error does not exceed the noise floor."""
     if squares.room.sum() <= max(MIN_EXPLAINABLE * squares.floor.sum(), EQUAL_STREAMS**2 * squares.force.sum()):
         return None
-    return share_of(squares.before - after, squares.room, seed)
+    return _share(squares.before - after, squares.room, seed)
 
 
-def gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
-    """Share of the explainable error that each cause removes, by its name.
+def gain_of(squares: SquaredErrors, without: FloatArray, seed: int) -> Interval:
+    """Share of the explainable error that a cause removes, given the errors ``(episodes,)`` N^2 without it.
 
     If the error does not exceed the noise floor, it is the share of the whole error.
     """
-    return _shares(squares, squares.without, seed)
-
-
-def _shares(squares: SquaredErrors, without: Mapping[K, FloatArray], seed: int) -> dict[K, Interval]:
     above = squares.room.sum() > MIN_EXPLAINABLE * squares.floor.sum()
     room = np.maximum(squares.room, squares.before - squares.after) if above else squares.before
-    return {key: share_of(own - squares.after, room, seed) for key, own in without.items()}
+    return _share(without - squares.after, room, seed)
 
 
-def affected_gains_of(squares: SquaredErrors, seed: int) -> dict[str, Interval]:
-    """Share of the error that each cause removes in the episodes that it affects, so that others do not dilute it."""
-    gains = {name: without - squares.after for name, without in squares.without.items()}
-    shown = {name: showing(gain) for name, gain in gains.items()}
-    shown = {name: own for name, own in shown.items() if own.any()}
-    return {name: share_of(gains[name][own], squares.before[own], seed) for name, own in shown.items()}
+def affected_gain_of(squares: SquaredErrors, without: FloatArray, seed: int) -> Interval:
+    """Share of the error that a cause removes in the episodes that it affects, so that others do not dilute it."""
+    gain = without - squares.after
+    shown = showing(gain)
+    return _share(gain[shown], squares.before[shown], seed) if shown.any() else Interval(0.0)
 
 
 def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note: str) -> HeldOut:
-    """The held-out figures of a diagnosis.
-
-    Args:
-        squares: Squared errors.
-        seed: Random seed of the bootstrap over episodes.
-        ceiling: ``(episodes,)`` squared errors (N^2) of the black box; None if it was not run.
-        note: Caveats about the figures.
-    """
+    """The held-out figures, given the squared errors ``(episodes,)`` N^2 of the black box, if it ran, and a caveat."""
 
     def normalised(values: FloatArray) -> float:
         return float(np.sqrt(values.sum() / max(squares.force.sum(), 1e-12)))
 
+    notes = [note] if note else []
     if squares.split:
         numbers = ", ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
-        note = f"{note} {those} split into blocks that were held out in turn.".strip()
+        notes.append(f"{those} split into blocks that were held out in turn.")
     if np.any(squares.after != squares.before):
-        note = f"{note} {CHOSEN}".strip()
+        notes.append(CHOSEN)
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
     gains = (squares.before - squares.after) / np.maximum(squares.before, 1e-12)
     return HeldOut(
@@ -214,10 +181,10 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
         noise_floor=normalised(squares.floor),
         noise_source=squares.source,
         explained=explained_share(squares, squares.after, seed),
-        gain_per_episode=tuple(float(gain) for gain in gains),
+        gain_per_episode=tuple(map(float, gains)),
         ceiling_nrmse=None if ceiling is None else normalised(ceiling),
         ceiling_explained=None if black is None else black.value,
-        note=note,
+        note=" ".join(notes),
     )
 
 
@@ -225,5 +192,4 @@ def survives(gain: FloatArray, needed: float, seed: int) -> float:
     """How often the summed gain of resampled held-out units exceeds `needed`; at most 0.5 for a single unit."""
     if len(gain) < 2:
         return 0.5 * float(gain.sum() > needed)
-    draws = np.random.default_rng(seed).integers(len(gain), size=(RESAMPLES, len(gain)))
-    return float(np.mean(gain[draws].sum(axis=1) > needed))
+    return float(np.mean(_resampled(gain, seed) > needed))

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import BaselineCause, DetectedCause, FittedCause, PerChannelCause, baseline_causes
+from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, PerChannelCause
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.data.replayed import replay_errors
 from paxisim.diagnose.explain.explanation import Explanation, Named
+from paxisim.diagnose.explain.heldout import CONFIDENCE_LEVEL
 from paxisim.diagnose.result import FittedParameter, Interval
 from paxisim.diagnose.scorer.fitting import with_curves
 
-CONFIDENCE_LEVEL = 0.9
+_FEWEST = 3  # episodes that give an interval
 _LEVELS, _PER_OCTAVE = 64, 8  # force levels, counted down from the peak, and levels per octave
 _LEAST_REST = 5  # fewest frames at rest in an episode
 _NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual noise
@@ -31,32 +32,31 @@ _NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual
 
 def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...]]:
     """Fitted parameters with units and 90 % intervals, by cause."""
-    spreads = _spreads(found)
-    return {named.name: tuple(_parameters(found, named, spreads)) for named in found.named}
+    has_intervals = len(found.problem.episodes) >= _FEWEST
+    spreads = _spreads(found) if has_intervals else {}
+    return {named.name: tuple(_parameters(found, named, spreads, has_intervals)) for named in found.named}
 
 
-def _parameters(found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float]) -> list[FittedParameter]:
+def _parameters(
+    found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float], has_intervals: bool
+) -> Iterator[FittedParameter]:
+    """The scalar parameters of a cause, and each element of its arrays."""
     free = {item.name: item for item in named.cause.parameters(found.problem)}
-    out = []
     for name, value in named.values.items():
-        if name in free and np.ndim(value) == 0:
-            item, number = free[name], float(value)
-            reach = spreads.get((named.name, name))
-            interval = Interval(number)
-            if reach is not None:
-                interval = Interval(number, max(number - reach, item.low), min(number + reach, item.high))
-            out.append(FittedParameter(name, item.unit, interval, item.words))
-            continue
-        array, half = np.asarray(value, dtype=float), _half_width(found, named, name)
-        unit = _unit(named, name)
-        words = named.cause.numbers.get(name, "") if isinstance(named.cause, BaselineCause) else ""
+        array, item = np.asarray(value, dtype=float), free.get(name)
+        if item is not None and array.ndim == 0:
+            unit, words, low, high = item.unit, item.words, item.low, item.high
+            half = spreads.get((named.name, name))
+        else:
+            words = named.cause.numbers.get(name, "") if isinstance(named.cause, BaselineCause) else ""
+            unit, low, high = _unit(named, name), -np.inf, np.inf
+            half = _half_width(found, named, name) if has_intervals else None
         for place in np.ndindex(array.shape):
-            label, number = name + "".join(f"_{i}" for i in place), float(array[place])
-            interval = Interval(number)
+            interval = Interval(float(array[place]))
             if half is not None:
-                interval = Interval(number, number - float(half[place]), number + float(half[place]))
-            out.append(FittedParameter(label, unit, interval, words))
-    return out
+                number, reach = interval.value, float(np.asarray(half)[place])
+                interval = Interval(number, max(number - reach, low), min(number + reach, high))
+            yield FittedParameter(name + "".join(f"_{i}" for i in place), unit, interval, words)
 
 
 def _unit(named: Named, name: str) -> str:
@@ -69,8 +69,6 @@ def _unit(named: Named, name: str) -> str:
 
 def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | None:
     """Half-widths of the intervals of an array; None if the recording does not determine any."""
-    if len(found.problem.episodes) < 3:
-        return None
     if isinstance(named.cause, PerChannelCause):
         problem = replace(found.problem, curves=Curves(np.ones((1, len(found.problem.time)))))
         return named.cause.error(problem, found.prediction, np.asarray(named.values[name]))
@@ -87,8 +85,6 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     form that differs from the sensor's. The effects of errors that all samples may share, such as a misplaced contact,
     are added, and in a scene the error of parameters that are fitted beside poses.
     """
-    if len(found.problem.episodes) < 3:
-        return {}
     squares, residual, slopes = found.scorer.fitter.linearised(found.fit)
     rows, free, prediction = squares.rows, squares.free, squares.prediction
     if not free:
@@ -107,19 +103,22 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     reach = np.sqrt(variance) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     strength = np.sum(flat**2, axis=1)
     seen = strength > 1e-9 * strength.max()
-    return {(n, f.name): float(r * f.scale) for (n, _, f), r, told in zip(free, reach, seen, strict=True) if told}
+    return {(n, f.name): float(r * f.scale) for (n, _, f), r, shows in zip(free, reach, seen, strict=True) if shows}
 
 
-def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse: FloatArray):
+def _clustered(
+    rows: Problem, residual: FloatArray, slopes: FloatArray, inverse: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """``(free,)`` variances of the parameters, in units of their scales, and degrees of freedom."""
     scores = slopes * residual
-    level = _levels(rows)
+    size = np.abs(rows.simulated).ravel() / rows.peak
+    level = np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
     by_episode = np.stack([scores[:, span].sum(axis=1) for span in rows.episodes], axis=-1)  # (free, C, episodes)
     count = len(rows.episodes)
     clusters = (
         by_episode.sum(axis=1) * np.sqrt(count / (count - 1)),
         by_episode.sum(axis=2),
-        np.stack([np.bincount(level.ravel(), row.ravel(), _LEVELS) for row in scores]),
+        np.stack([np.bincount(level, row.ravel(), _LEVELS) for row in scores]),
     )
     each = [(inverse @ cluster) ** 2 for cluster in clusters]
     variances = np.array([part.sum(axis=1) for part in each])  # (3, free)
@@ -132,37 +131,28 @@ def _clustered(rows: Problem, residual: FloatArray, slopes: FloatArray, inverse:
     return together, np.maximum(shared, 1.0)
 
 
-def _levels(problem: Problem) -> NDArray[np.intp]:
-    """``(T, channels)`` force level of each sample, on a logarithmic scale."""
-    size = np.abs(problem.simulated).reshape(len(problem.time), -1) / problem.peak
-    return np.clip(np.log2(np.maximum(size, 1e-9)) * _PER_OCTAVE + _LEVELS, 0, _LEVELS - 1).astype(np.intp)
-
-
 def _zero_spread(found: Explanation, named: Named) -> FloatArray | None:
     """Half-widths for each channel's amplitudes, in the shape of the cause's array, from the residual at rest."""
     problem = found.problem
-    causes = baseline_causes(found.fit.causes)
-    curved = with_curves(problem, causes, found.fit.shapes).curves
+    curved = with_curves(problem, found.fit.causes, found.fit.shapes).curves
     assert curved is not None
-    curves, mine = curved.values, curved.owned_by(named.name)
+    curves, own = curved.values, curved.owned_by(named.name)
     spans = [span for span in problem.baseline.by_episode if len(span) >= _LEAST_REST]
     if len(spans) <= len(curves) + 1:
         return None
     left = problem.measured - problem.read(found.prediction)
     basis = np.array([[curve[span].mean() for curve in curves] for span in spans])  # (episodes, curves)
-    shares = np.linalg.pinv(basis)[mine]  # weight of each episode in each amplitude
+    shares = np.linalg.pinv(basis)[own]  # weight of each episode in each amplitude
     degrees = len(spans) - len(curves)
     means = np.stack([left[span].mean(axis=0) for span in spans])
     variance = np.einsum("ce,e...->c...", shares**2, means**2) * len(spans) / degrees
     typical = np.median(variance, axis=(3, 4), keepdims=True)  # pools similar taxels: few episodes give a poor variance
     reach = np.sqrt(np.maximum(variance, typical)) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     zero = np.tensordot(np.array([curve.mean() for curve in curves]), found.fit.whole.zero, 1) + found.fit.constant
-    middle, noise = problem.read(zero[None])[0], problem.noise
-    ends = []
-    for share in _NOISES:  # the noise determines how far the zero offset is from a rounding edge
-        own = replace(noise, dither=share * noise.dither)
-        ends += [own.unread(middle - reach), own.unread(middle + reach)]
-    half = np.ptp(ends, axis=0) / 2
+    middle = problem.read(zero[None])[0]
+    # the noise determines how far the zero offset is from a rounding edge
+    noises = [replace(problem.noise, dither=share * problem.noise.dither) for share in _NOISES]
+    half = np.ptp([noise.unread(end) for noise in noises for end in (middle - reach, middle + reach)], axis=0) / 2
     return half[0] if len(half) == 1 else half
 
 
@@ -171,20 +161,17 @@ def model_intervals(
 ) -> Mapping[str, Mapping[str, Any]]:
     """Ranges of the parameters of the model's members, in the format of ``GCS.around``.
 
-    The parameters of a cause may differ from those of its transform. Each is therefore moved to both ends of its
-    interval, and the resulting parameters of the transform give the range, as far as they are valid.
-
-    Args:
-        found: The causes and the model.
-        fitted: Fitted parameters by cause, from `parameters_of`.
+    The parameters of a cause, `fitted`, may differ from those of its transform. Each is therefore moved to both ends of
+    its interval, and the resulting parameters of the transform give the range, as far as they are valid.
     """
     intervals = {}
     for named in found.named:
-        own = [p for p in fitted[named.name] if p.value.low is not None and p.value.high is not None]
+        own = [p for p in fitted[named.name] if p.value.low is not None]
         if not own or named.cause.in_scene:
             continue
-        if isinstance(named.cause, (BaselineCause, DetectedCause)):  # its arrays are the transform's
-            reach = _array_ends(named, own)
+        if isinstance(named.cause, BaselineCause):  # its amplitudes are the transform's
+            amounts = named.cause.amounts
+            reach = {amounts: tuple(_array_ends(own, np.shape(named.values[amounts])))}
         else:
             reach = _reach(named.transform, _moved(found, named, own))
         member = found.model[named.name]
@@ -193,37 +180,25 @@ def model_intervals(
     return {name: own for name, own in intervals.items() if own}
 
 
+def _array_ends(own: Sequence[FittedParameter], shape: tuple[int, ...]) -> list[FloatArray]:
+    """Lowest and highest values of an array whose elements are the given parameters."""
+    return [np.reshape([p.value.ends[end] for p in own], shape) for end in (0, 1)]
+
+
 def _moved(found: Explanation, named: Named, own: Sequence[FittedParameter]) -> list[Transform]:
     """A cause's transform with its parameters at the ends of their intervals."""
     item = named.cause
     if isinstance(item, PerChannelCause):
-        shape, make = np.shape(named.values[item.array]), item.make
-        ends = [np.reshape([getattr(p.value, end) for p in own], shape) for end in ("low", "high")]
+        make, ends = item.make, _array_ends(own, np.shape(named.values[item.array]))
     else:
         assert isinstance(item, FittedCause)
-        middle, make = {name: float(value) for name, value in named.values.items()}, item.transform  # type: ignore[arg-type]
-        ends = [
-            np.array(list({**middle, p.name: float(end)}.values()))  # type: ignore[arg-type]
-            for p in own
-            for end in (p.value.low, p.value.high)
-        ]
+        make = item.transform
+        ends = [np.array([*{**named.values, p.name: end}.values()], dtype=float) for p in own for end in p.value.ends]
     moved = []
     for values in ends:
-        try:
+        with contextlib.suppress(ValueError):  # each value is allowed, but not the combination
             moved.append(make(values, found.problem))
-        except ValueError:  # each value is allowed, but not the combination
-            continue
     return moved
-
-
-def _array_ends(named: Named, own: Sequence[FittedParameter]) -> dict[str, Any]:
-    """Lowest and highest values of each array of a cause, by its name."""
-    out: dict[str, Any] = {}
-    for name, value in named.values.items():
-        ends = [p.value for p in own if p.name.startswith(f"{name}_")]
-        if np.ndim(value) and len(ends) == np.size(value):
-            out[name] = tuple(np.reshape([getattr(e, end) for e in ends], np.shape(value)) for end in ("low", "high"))
-    return out
 
 
 def _reach(middle: Transform, moved: Sequence[Transform]) -> dict[str, Any]:

@@ -63,39 +63,29 @@ def shapes_of(problem: Problem, prediction: FloatArray) -> Shapes:
         problem: The recording.
         prediction: ``(T, pads, 3, rows, cols)`` newtons, the output of the model.
     """
-    noise = problem.noise.sigma.min(axis=0)
-    scales = _scales(problem, prediction)
-    seen = np.zeros((prediction.shape[1], *prediction.shape[3:]))
+    noise, scales = problem.noise.sigma.min(axis=0), _scales(problem, prediction)
+    largest = np.zeros((prediction.shape[1], *prediction.shape[3:]))
     names: list[str] = []
     grams: list[FloatArray] = []
     samples = 0
     for number, span in enumerate(problem.episodes):
-        x = prediction[span]
+        x, simulated = prediction[span], problem.simulated[span]
         thin = slice(None, None, -(-len(x) // MAX_FRAMES))
-        weight = (
-            problem.alive / np.sqrt(noise**2 + (_MOVING * rate(problem.simulated[span], problem.time[span])) ** 2)
-        )[thin]
-        rest = (problem.measured[span] - problem.read(x))[thin]
-        kept = [
-            np.ones_like(rest),
-            x[thin],
-            *differences(x[thin], beyond="edge"),
-            rest,
-            (x - problem.simulated[span])[thin],
-        ]
-        names = []
-        for name, shape in _shapes_at(problem, span, x, seen, scales):
-            names.append(name)
-            kept.append(shape[thin])
-        rows = np.stack([np.broadcast_to(k, rest.shape) * weight for k in kept])
-        rows = np.ascontiguousarray(np.moveaxis(rows.reshape(len(rows), len(rest), -1), 2, 0))
+        jitter = _MOVING * rate(simulated, problem.time[span])
+        weight = (problem.alive / np.sqrt(noise**2 + jitter**2))[thin]
+        residual = problem.measured[span] - problem.read(x)
+        shapes = dict(_shapes_at(problem, span, x, largest, scales))
+        names = list(shapes)
+        columns = [np.ones_like(x), x, *differences(x, beyond="edge"), residual, x - simulated, *shapes.values()]
+        rows = np.stack([np.broadcast_to(column[thin], weight.shape) * weight for column in columns])
+        rows = np.ascontiguousarray(np.moveaxis(rows.reshape(*rows.shape[:2], -1), 2, 0))
         gram = _without_constant(np.matmul(rows, np.swapaxes(rows, 1, 2)))
-        samples += rest.shape[0] * int(problem.alive.sum())
+        samples += len(weight) * int(problem.alive.sum())
         if len(grams) < MAX_GROUPS:
             grams.append(gram)
         else:
             grams[number % MAX_GROUPS] += gram
-        seen = np.maximum(seen, np.abs(x[:, :, 2]).max(axis=0))
+        largest = np.maximum(largest, np.abs(x[:, :, 2]).max(axis=0))
     return _freed(problem, tuple(names), np.array(grams), samples)
 
 
@@ -107,51 +97,46 @@ def _without_constant(gram: FloatArray) -> FloatArray:
 
 def _freed(problem: Problem, names: tuple[str, ...], grams: FloatArray, samples: int) -> Shapes:
     """Project the tolerated errors out of residual and shapes, over the whole recording."""
-    tolerated = slice(0, _TOLERATED)
+    own, rest = slice(0, _TOLERATED), slice(_TOLERATED, None)
     total = grams.sum(axis=0)
-    ridge = 1e-6 * np.trace(total[:, tolerated, tolerated], axis1=-2, axis2=-1)[:, None, None] + 1e-9
-    factors = np.linalg.solve(
-        total[:, tolerated, tolerated] + ridge * np.eye(_TOLERATED), total[:, tolerated, _TOLERATED:]
-    )
-    mixed = np.swapaxes(factors, 1, 2) @ grams[:, :, tolerated, _TOLERATED:]
-    square = np.swapaxes(factors, 1, 2) @ grams[:, :, tolerated, tolerated] @ factors
-    free = grams[:, :, _TOLERATED:, _TOLERATED:] - mixed - np.swapaxes(mixed, 2, 3) + square
+    ridge = 1e-6 * np.trace(total[:, own, own], axis1=-2, axis2=-1)[:, None, None] + 1e-9
+    factors = np.linalg.solve(total[:, own, own] + ridge * np.eye(_TOLERATED), total[:, own, rest])
+    mixed = np.swapaxes(factors, 1, 2) @ grams[:, :, own, rest]
+    square = np.swapaxes(factors, 1, 2) @ grams[:, :, own, own] @ factors
+    free = grams[:, :, rest, rest] - mixed - np.swapaxes(mixed, 2, 3) + square
     pads, _, rows, cols = problem.alive.shape
     by_axis = free.reshape(len(grams), pads, 3, rows * cols, *free.shape[2:]).sum(axis=(1, 3))
-    own = np.einsum("gaii->gai", by_axis)
-    return Shapes(
-        names, own[:, :, 2:], by_axis[:, :, 0, 2:], float(own[:, :, 1].sum()), float(grams[:, :, 0, 0].sum()), samples
+    energy = np.einsum("gaii->gai", by_axis)
+    explained, load = float(energy[:, :, 1].sum()), float(grams[:, :, 0, 0].sum())
+    return Shapes(names, energy[:, :, 2:], by_axis[:, :, 0, 2:], explained, load, samples)
+
+
+def _scales(problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+    """Largest force on a pad (N), its fastest change and that of a channel (N/s), to compare shapes of episodes."""
+    total = np.abs(x[:, :, 2]).sum(axis=(2, 3))
+    speed, fastest = (
+        max(float(np.abs(rate(values[span], problem.time[span])).max()) for span in problem.episodes)
+        for values in (total, x)
     )
-
-
-def _scales(problem: Problem, x: FloatArray) -> dict[str, float]:
-    """Scales that make the shapes comparable between episodes."""
-    total, speed, fastest = 0.0, 0.0, 0.0
-    for span in problem.episodes:
-        time = problem.time[span]
-        whole = np.abs(x[span, :, 2]).sum(axis=(2, 3))
-        total = max(total, float(whole.max()))
-        speed = max(speed, float(np.abs(rate(whole, time)).max()))
-        fastest = max(fastest, float(np.abs(rate(x[span], time)).max()))
-    return {"total": total + 1e-9, "speed": speed + 1e-9, "rate": fastest + 1e-9}
+    return float(total.max()) + 1e-9, speed + 1e-9, fastest + 1e-9
 
 
 def _shapes_at(
-    problem: Problem, span: slice, x: FloatArray, seen: FloatArray, scales: dict[str, float]
+    problem: Problem, span: slice, x: FloatArray, largest: FloatArray, scales: tuple[float, float, float]
 ) -> Iterator[tuple[str, FloatArray]]:
     """Description of each shape, and its values in this episode.
 
-    `seen` is the largest earlier normal force of each taxel.
+    `largest` is the largest earlier normal force of each taxel, ``(pads, rows, cols)`` N.
     """
-    time = problem.time[span]
+    (most_total, most_speed, most_rate), time = scales, problem.time[span]
     moving = rate(x, time)
     interval = float(np.median(np.diff(time)))
     size = np.linalg.norm(x, axis=2, keepdims=True) / problem.peak
     normal = np.abs(x[:, :, 2:]) / problem.peak
-    most = np.maximum(np.maximum.accumulate(normal, axis=0), seen[None, :, None] / problem.peak)
-    total = np.abs(x[:, :, 2:]).sum(axis=(3, 4), keepdims=True) / scales["total"]
-    speed = np.abs(rate(total, time)) * scales["total"] / scales["speed"]
-    sideways = np.linalg.norm(x.sum(axis=(3, 4), keepdims=True)[:, :, :2], axis=2, keepdims=True) / scales["total"]
+    most = np.maximum(np.maximum.accumulate(normal, axis=0), largest[None, :, None] / problem.peak)
+    total = np.abs(x[:, :, 2:]).sum(axis=(3, 4), keepdims=True) / most_total
+    speed = np.abs(rate(total, time)) * most_total / most_speed
+    sideways = np.linalg.norm(x.sum(axis=(3, 4), keepdims=True)[:, :, :2], axis=2, keepdims=True) / most_total
     friction = sideways / (total + 0.02)
     rows, cols = (np.linspace(-1, 1, count) for count in x.shape[-2:])
 
@@ -170,7 +155,7 @@ def _shapes_at(
         past = slow(total, tau)
         yield f"the total force on the pad over the last {tau:g} s", x * past
         yield f"the squared total force on the pad over the last {tau:g} s", x * past**2
-    yield "the loading speed of the taxel", x * np.sqrt(np.abs(moving) / scales["rate"])
+    yield "the loading speed of the taxel", x * np.sqrt(np.abs(moving) / most_rate)
     yield "the loading speed of the pad", x * np.sqrt(speed)
     yield "the present force relative to the largest earlier force", x * normal / (most + 0.01)
     yield "the largest earlier force", x * most

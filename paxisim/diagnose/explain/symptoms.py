@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from paxisim.diagnose.data.noise import rate
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.result import LeftOver, Place, Symptoms
+from paxisim.diagnose.result import Place, Symptoms
 
 WORST = 10  # taxels listed
-BANDS = ((0.0, 0.2), (0.2, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf))  # Hz
+EDGES = (0.0, 0.2, 1.0, 3.0, 10.0)  # Hz, lower edge of each frequency band
 PHASES = ("free", "loading", "holding", "unloading", "sliding")
 _STILL = 0.05  # peaks per second; a force that changes more slowly counts as held
 
 
-def symptoms(
-    problem: Problem,
-    simulated: FloatArray,
-    prediction: FloatArray,
-    pads: tuple[str, ...],
-    *,
-    warnings: tuple[str, ...] = (),
-    left_over: tuple[LeftOver, ...] = (),
-) -> Symptoms:
+def symptoms(problem: Problem, simulated: FloatArray, prediction: FloatArray, pads: tuple[str, ...]) -> Symptoms:
     """Locate the error.
 
     Args:
@@ -30,33 +25,28 @@ def symptoms(
         simulated: ``(T, pads, 3, rows, cols)`` newtons, simulation as recorded.
         prediction: Prediction of the extended model, of the same shape.
         pads: Names of the pads.
-        warnings: Warnings about the recording.
-        left_over: Structure in the residual, and near misses.
     """
-    before = (problem.measured - problem.read(simulated)) * problem.weight
-    after = (problem.measured - problem.read(prediction)) * problem.weight
-    square, left = before**2, after**2
-    whole = max(float(square.sum()), 1e-12)
+    residuals = [(problem.measured - problem.read(force)) * problem.weight for force in (simulated, prediction)]
+    squares = [residual**2 for residual in residuals]
+    whole = max(float(squares[0].sum()), 1e-12)
 
-    def places(names: list[str], was: FloatArray, now: FloatArray) -> tuple[Place, ...]:
-        return tuple(Place(n, float(a) / whole, float(b) / whole) for n, a, b in zip(names, was, now, strict=True))
+    def places(names: Sequence[str], energy: Callable[[FloatArray], FloatArray], of: Sequence[FloatArray] = squares):
+        shares = [np.asarray(energy(own)) / whole for own in of]
+        return tuple(Place(name, float(a), float(b)) for name, a, b in zip(names, *shares, strict=True))
 
-    grids = square.sum(axis=(0, 2)), left.sum(axis=(0, 2))
-    worst = np.argsort(grids[0].ravel())[::-1][:WORST]
-    at = zip(*np.unravel_index(worst, grids[0].shape), strict=True)
-    frames, phase = (square.sum(axis=(2, 3, 4)), left.sum(axis=(2, 3, 4))), phases_of(problem)
-    bands = _bands(problem, before) / whole, _bands(problem, after) / whole
+    taxels = squares[0].sum(axis=(0, 2))
+    worst = np.argsort(taxels.ravel())[::-1][:WORST]
+    at = zip(*np.unravel_index(worst, taxels.shape), strict=True)
+    phase = phases_of(problem)
+    bands = [*(f"{low:g} to {high:g} Hz" for low, high in itertools.pairwise(EDGES)), f"above {EDGES[-1]:g} Hz"]
+    frequencies = places(bands, lambda residual: _bands(problem, residual), residuals)
     return Symptoms(
-        warnings=warnings,
-        left_over=left_over,
-        pads=places(list(pads), *(grid.sum(axis=(1, 2)) for grid in grids)),
-        axes=places(["x", "y", "z"], square.sum(axis=(0, 1, 3, 4)), left.sum(axis=(0, 1, 3, 4))),
-        taxels=places([f"{pads[p]} ({r}, {c})" for p, r, c in at], *(grid.ravel()[worst] for grid in grids)),
-        phases=places(list(PHASES), *(np.array([f[phase == n].sum() for n in PHASES]) for f in frames)),
-        frequencies=tuple(
-            Place(_band_name(band), float(a), float(b)) for band, a, b in zip(BANDS, *bands, strict=True) if a or b
-        ),
-        covariates=_covariates(problem, before, after),
+        pads=places(pads, lambda square: square.sum(axis=(0, 2, 3, 4))),
+        axes=places("xyz", lambda square: square.sum(axis=(0, 1, 3, 4))),
+        taxels=places([f"{pads[p]} ({r}, {c})" for p, r, c in at], lambda s: s.sum(axis=(0, 2)).ravel()[worst]),
+        phases=places(PHASES, lambda square: np.array([square[phase == name].sum() for name in PHASES])),
+        frequencies=tuple(band for band in frequencies if band.before or band.after),
+        covariates=_covariates(problem, residuals),
     )
 
 
@@ -90,33 +80,28 @@ def phases_of(problem: Problem) -> np.ndarray:
 
 
 def _bands(problem: Problem, residual: FloatArray) -> FloatArray:
-    """``(BANDS,)`` energy of a residual in each band."""
-    power = np.zeros(len(BANDS))
+    """``(bands,)`` energy of a residual in each frequency band."""
+    power = np.zeros(len(EDGES))
     for span in problem.episodes:
         values = residual[span].reshape(span.stop - span.start, -1)
         interval = max(float(np.median(np.diff(problem.time[span]))), 1e-6)
-        spectrum = np.sum(np.abs(np.fft.rfft(values, axis=0)) ** 2, axis=1)
+        spectrum = np.sum(np.abs(np.fft.rfft(values, axis=0)) ** 2, axis=1) / len(values)
         spectrum[1:] *= 2
-        frequency = np.fft.rfftfreq(len(values), interval)
-        for number, (low, high) in enumerate(BANDS):
-            power[number] += spectrum[(frequency >= low) & (frequency < high)].sum() / len(values)
+        band = np.digitize(np.fft.rfftfreq(len(values), interval), EDGES) - 1
+        power += np.bincount(band, spectrum, len(EDGES))
     return power
 
 
-def _band_name(band: tuple[float, float]) -> str:
-    return f"above {band[0]:g} Hz" if np.isinf(band[1]) else f"{band[0]:g} to {band[1]:g} Hz"
-
-
-def _covariates(problem: Problem, before: FloatArray, after: FloatArray) -> tuple[Place, ...]:
+def _covariates(problem: Problem, residuals: Sequence[FloatArray]) -> tuple[Place, ...]:
     """Largest squared correlation of a pad's mean residual on an axis with each covariate and with time, at rest."""
     rest = problem.at_rest if problem.at_rest.sum() >= 20 else np.ones(len(problem.time), dtype=bool)
     found = []
     for name, values in {"time": problem.time, **problem.covariates}.items():
         value = values[rest] - values[rest].mean()
-        if np.ptp(values[rest]) < 1e-9:
+        if np.ptp(value) < 1e-9:
             continue
         shares = []
-        for residual in (before, after):
+        for residual in residuals:
             mean = residual[rest].mean(axis=(3, 4)).reshape(rest.sum(), -1)
             mean = mean - mean.mean(axis=0)
             energy = np.sum(value**2) * np.sum(mean**2, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from paxisim.diagnose.explain.followed import followed
+from paxisim.diagnose.data.directions import followed
 from paxisim.diagnose.report import style
 from paxisim.diagnose.report.effect import Channel, Effect, Series, elapsed, largest, windows
 from paxisim.diagnose.report.style import AXES, EXTENDED, MEASURED, MUTED, SIMULATED, Picture
