@@ -10,36 +10,16 @@ from numpy.typing import NDArray
 from paxisim import augment
 from paxisim.diagnose.causes.failures import failures_of
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
+from paxisim.diagnose.data.channels import loaded_taxels, response_of
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.data.silent import loaded_taxels
 from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
     """Return the taxels that do not respond on any axis although they are pressed in the simulation."""
-    simulated, measured = problem.simulated, problem.measured
-    level, noise = np.median(measured, axis=0), np.median(problem.noise.sigma, axis=0)
+    level, noise = np.median(problem.measured, axis=0), np.median(problem.noise.sigma, axis=0)
     floor = max(CHECKS.count * problem.noise.step, 0.03)
-    dead = loaded_taxels(problem).sum(axis=0) >= CHECKS.samples
-    # a late response may rise after the press has ended
-    rise = np.quantile(measured[:, :, 2] - level[:, 2], 0.998, axis=0)
-    dead &= rise < np.maximum(0.4 * np.quantile(simulated[:, :, 2], 0.998, axis=0), 3.5 * noise[:, 2])
-    for axis in range(3):
-        x, y = simulated[:, :, axis], measured[:, :, axis] - level[:, axis]
-        x = x - x.mean(axis=0)
-        energy = np.sum(x**2, axis=0)
-        each = np.stack([np.sum(x[span] * y[span], axis=0) for span in problem.episodes])
-        slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
-        told = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
-        if axis < 2:  # slow noise may resemble a faint response, but not consistently in all episodes
-            shared = np.abs(each.sum(axis=0)) > CHECKS.consistent * np.sqrt(np.sum(each**2, axis=0))
-            told &= shared | (np.abs(slope) > CHECKS.responds)
-        dead &= ~told | (np.abs(slope) < CHECKS.silent)
-        if axis == 2:
-            dead &= told
-    if dead.any():
-        dead &= ~_answers_late(problem, level, noise)
-    dead |= _still(problem, level, noise, floor)
+    dead = _never_respond(problem, noise) | _still(problem, level, noise, floor)
     gone = np.broadcast_to(dead[:, None], problem.alive.shape)
     since = np.where(gone, 0.0, np.inf)
     failures = failures_of(problem)
@@ -59,6 +39,21 @@ def _read(problem: Problem) -> Reading | None:
     return Reading(fault, values, replace(problem, alive=problem.alive & ~gone))
 
 
+def _never_respond(problem: Problem, noise: FloatArray) -> NDArray[np.bool_]:
+    """``(pads, rows, cols)`` taxels that are pressed, and do not respond on any axis, not even late."""
+    each = response_of(problem.episodes, problem.simulated, problem.measured)
+    missing = each.total.is_missing(noise)
+    # slow noise may resemble a faint shear, but not consistently in all episodes
+    scatter = np.sqrt(np.sum(each.product**2, axis=0))
+    missing |= (np.abs(each.total.product) < CHECKS.consistent * scatter) & (np.abs(each.total.slope) < CHECKS.responds)
+    dead = missing.all(axis=1) & (each.total.score(noise, 1.0)[:, 2] < -CHECKS.certain)
+    dead &= loaded_taxels(problem).sum(axis=0) >= CHECKS.samples
+    if dead.any():
+        late = problem.run(augment.LowPass(CHECKS.late), problem.simulated)
+        dead &= response_of(problem.episodes, late, problem.measured).total.is_missing(noise)[:, 2]
+    return dead
+
+
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
     """``(pads, rows, cols)`` taxels that are stuck at an unusual level on all axes while pressed, however lightly.
 
@@ -68,35 +63,23 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     far = (np.abs(level) > CHECKS.unusual * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
     if not far.any():
         return far
-    x, y = (
-        np.concatenate([values[span] - values[span].mean(axis=0) for span in problem.episodes]) / noise
-        for values in (problem.simulated, problem.measured)
-    )
-    energy, both = np.sum(x**2, axis=(0, 2)), np.sum(x * y, axis=(0, 2))
-    missing = (energy - both) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
-    still = ((problem.measured - level) / noise).std(axis=0) < CHECKS.quiet
-    reached = np.quantile(np.abs(problem.simulated), 0.998, axis=0).max(axis=1) > problem.noise.step
-    return far & (both < 0.25 * energy) & (missing > CHECKS.certain) & still.all(axis=1) & reached
+    total = response_of(problem.episodes, problem.simulated, problem.measured).total
+    energy, product = np.sum(total.force / noise**2, axis=1), np.sum(total.product / noise**2, axis=1)
+    missing = (energy - product) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
+    still = (problem.measured.std(axis=0) < CHECKS.quiet * noise).all(axis=1)
+    reached = np.abs(problem.simulated).max(axis=(0, 2)) > problem.noise.step
+    return far & still & reached & (product < CHECKS.responds * energy) & (missing > CHECKS.certain)
 
 
 def _unmoved(problem: Problem, floor: float) -> NDArray[np.bool_]:
     """``(pads, rows, cols)`` taxels whose reading before contact stays constant while that of the others drifts."""
     spans = [span for span in problem.episodes if problem.untouched[span].any()]
-    if len(spans) < 2:
+    if not spans:
         return np.zeros_like(problem.alive[:, 0])
-    levels = [np.mean(problem.measured[span][problem.untouched[span]], axis=0) for span in spans]
-    moved = np.std(levels, axis=0)
+    moved = np.std([np.mean(problem.measured[span][problem.untouched[span]], axis=0) for span in spans], axis=0)
     usual = np.median(moved, axis=(2, 3), keepdims=True)
     drifting = usual > floor
     return drifting.any() & (~drifting | (moved < CHECKS.unmoved * usual)).all(axis=1)
-
-
-def _answers_late(problem: Problem, level: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:
-    """``(pads, rows, cols)`` taxels that respond with a delay of some tenths of a second."""
-    late = problem.run(augment.LowPass(CHECKS.late), problem.simulated)[:, :, 2]
-    x, y = late - late.mean(axis=0), problem.measured[:, :, 2] - level[:, 2]
-    energy, both = np.sum(x**2, axis=0), np.sum(x * y, axis=0)
-    return (both > CHECKS.responds * energy) & (both > CHECKS.certain * noise[:, 2] * np.sqrt(energy))
 
 
 DEAD_TAXELS = DetectedCause(

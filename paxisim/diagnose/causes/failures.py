@@ -1,8 +1,8 @@
 """Failures: channels that stop responding at some moment, read off the streams for `dead_taxels`.
 
-The moment minimises the squared residual of a channel under a model with two parts: before the moment a multiple of
-the simulated force plus a constant, after it a constant. A failure counts only if the channel responded to forces of
-the same size before the moment, and the response that should follow after it is missing.
+Before the moment, the reading of a channel is a multiple of the simulated force plus a constant; after it, a constant.
+The moment minimises the squared residual. A failure counts only if the channel responded to forces of the same size
+before the moment, and the response that should follow is missing although the contact is there.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.data.channels import centred, loaded_taxels, response_of
 from paxisim.diagnose.data.problem import FloatArray, Problem
-from paxisim.diagnose.data.silent import loaded_taxels
 from paxisim.diagnose.rules import CHECKS
 
 
@@ -25,7 +25,7 @@ class Failures:
         failed: Whether the channel has failed.
         since: Time of the failure in seconds after the recording's first frame, halfway between the last frame before
             the failure and the first one after it.
-        level: Reading since then (N).
+        level: Median reading since then (N), of all channels of a taxel.
     """
 
     failed: NDArray[np.bool_]
@@ -42,19 +42,21 @@ def failures_of(problem: Problem) -> Failures | None:
     if not problem.runs_through:
         return None
     noise = _noise(problem)
-    costs = [_costs(problem, noise, pad) for pad in range(problem.alive.shape[0])]
-    together = np.stack([np.argmin(cost.sum(axis=1), axis=0) for cost in costs])
-    own = np.stack([np.argmin(cost, axis=0) for cost in costs])
-    moment = np.broadcast_to(together[:, None], own.shape) + 1
-    told, silent, level = _judged(problem, noise, moment)
-    whole = (told.any(axis=1) & silent.all(axis=1))[:, None]
-    alone, _, own_level = _judged(problem, noise, own + 1)
-    failed = (whole | alone) & problem.alive
+    gains = [_gains(problem, noise, pad) for pad in range(len(noise))]
+    own = np.stack([gain.argmax(axis=0) for gain in gains]) + 1
+    shared = np.stack([gain.sum(axis=1, keepdims=True).argmax(axis=0) for gain in gains]) + 1
+    shared = np.broadcast_to(shared, own.shape)
+    some, silent = _judged(problem, noise, shared)
+    whole = (some.any(axis=1) & silent.all(axis=1))[:, None]
+    failed = (whole | _judged(problem, noise, own)[0]) & problem.alive
     if not failed.any():
         return None
-    first = np.where(whole, moment, own + 1)
+    first = np.where(whole, shared, own)
     since = (problem.time[first - 1] + problem.time[first]) / 2 - problem.time[0]
-    return Failures(failed, since, np.where(whole, level, own_level))
+    level = np.zeros(failed.shape)
+    for place in zip(*np.nonzero(failed), strict=True):
+        level[place] = np.median(problem.measured[(slice(first[place], None), *place)])
+    return Failures(failed, since, level)
 
 
 def _noise(problem: Problem) -> FloatArray:
@@ -65,114 +67,59 @@ def _noise(problem: Problem) -> FloatArray:
     return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
 
 
-def _costs(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
-    """``(T - 1, 3, rows, cols)`` squared residuals of a pad, in noise units, if its channels fail at frame 1, 2, ..."""
-    x = problem.simulated[:, pad] - problem.simulated[:, pad].mean(axis=0)
-    y = (problem.measured[:, pad] - problem.measured[:, pad].mean(axis=0)) / noise[pad]
-    count = np.arange(1, len(x)).reshape(-1, 1, 1, 1)
+def _gains(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
+    """``(T - 1, 3, rows, cols)`` decrease of a pad's squared residual by a failure at frame 1, 2, ...; in noise units.
 
-    def before(values: FloatArray) -> FloatArray:
-        return np.cumsum(values, axis=0)[:-1]
-
-    sum_x, sum_y, yy = before(x), before(y), before(y * y)
-    force = np.maximum(before(x * x) - sum_x**2 / count, 1e-12)
-    answer = before(x * y) - sum_x * sum_y / count
-    left = yy - sum_y**2 / count - answer**2 / force
-    rest = len(x) - count  # the overall means are 0, so the sums after the failure are minus those before it
-    return left + np.sum(y * y, axis=0) - yy - sum_y**2 / rest
+    One pad at a time limits the memory.
+    """
+    x, y = centred(problem.simulated[:, pad]), centred(problem.measured[:, pad]) / noise[pad]
+    before = np.arange(1, len(x)).reshape(-1, 1, 1, 1)
+    sum_x, sum_y, xx, xy = (np.cumsum(values, axis=0)[:-1] for values in (x, y, x * x, x * y))
+    response = (xy - sum_x * sum_y / before) ** 2 / np.maximum(xx - sum_x**2 / before, 1e-12)
+    return response + sum_y**2 * (1 / before + 1 / (len(x) - before))  # all readings sum to 0
 
 
 def _judged(
-    problem: Problem, noise: FloatArray, moment: NDArray[np.intp]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], FloatArray]:
+    problem: Problem, noise: FloatArray, first: NDArray[np.intp]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Judge channels that may each fail at some frame.
 
     Args:
         problem: The recording.
         noise: ``(pads, 3, rows, cols)`` N, noise of each channel.
-        moment: ``(pads, 3, rows, cols)`` frame at which each channel may fail.
+        first: ``(pads, 3, rows, cols)`` frame at which each channel may fail.
 
     Returns:
-        Three arrays ``(pads, 3, rows, cols)``: whether the channel certainly fails, whether it is silent afterwards,
-        and its reading then (N).
+        Two arrays ``(pads, 3, rows, cols)``: whether the channel certainly fails, and whether it is silent afterwards.
     """
-    after = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1) >= moment
+    after = np.arange(len(problem.time)).reshape(-1, 1, 1, 1, 1) >= first
     size = np.abs(problem.simulated)
     most = np.max(size, axis=0, where=after, initial=0.0)
-    touched = loaded_taxels(problem)[:, :, None]
+    loaded = loaded_taxels(problem)[:, :, None]
     # before the failure, only forces as small as those after it count
-    force, answer, _ = (s.sum(axis=0) for s in _sums(problem, ~after & (size <= most)))
-    slope = answer / np.maximum(force, 1e-12)
-    maybe = (np.abs(slope) > CHECKS.responds) & (np.abs(answer) > CHECKS.certain * noise * np.sqrt(force))
-    maybe &= (touched & ~after).sum(axis=0) >= CHECKS.samples
-
-    forces, answers, spreads = _sums(problem, after)
-    force, answer = forces.sum(axis=0), answers.sum(axis=0)
+    before = response_of(problem.episodes, problem.simulated, problem.measured, ~after & (size <= most)).total
+    each = response_of(problem.episodes, problem.simulated, problem.measured, after)
     frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
-    silent = np.all(spreads <= (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples), axis=0)
-    silent &= (np.abs(answer) < CHECKS.silent * force) | (np.abs(answer) < CHECKS.certain * noise * np.sqrt(force))
-
-    missing = np.abs(slope) * forces - np.sign(slope) * answers
-    maybe &= (
-        silent
-        & (np.abs(answer) < CHECKS.silent * force)
-        & (missing.sum(axis=0) > CHECKS.certain * noise * np.sqrt(force))
-    )
-    maybe &= (touched & after).sum(axis=0) >= CHECKS.samples
+    silent = np.all(each.reading <= (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples), axis=0)
+    silent &= each.total.is_missing(noise)
+    sign = np.sign(before.slope)
+    fails = silent & (np.abs(each.total.slope) < CHECKS.silent)
+    fails &= (np.abs(before.slope) > CHECKS.responds) & (np.abs(before.score(noise)) > CHECKS.certain)
+    fails &= -sign * each.total.score(noise, before.slope) > CHECKS.certain
     # the load must be released again: otherwise the channel may be saturated or late
-    maybe &= (after & (size < CHECKS.silent * most)).sum(axis=0) >= CHECKS.samples
-    told, level = _confirmed(
-        problem, noise, after, maybe, touched, missing > CHECKS.certain / 2 * noise * np.sqrt(forces)
-    )
-    return told, silent, level
-
-
-def _confirmed(
-    problem: Problem,
-    noise: FloatArray,
-    after: NDArray[np.bool_],
-    maybe: NDArray[np.bool_],
-    touched: NDArray[np.bool_],
-    missed: NDArray[np.bool_],
-) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Return the channels whose response is missing although the contact is there, and the readings of their taxels.
-
-    Args:
-        problem: The recording.
-        noise: ``(pads, 3, rows, cols)`` N, noise of each channel.
-        after: ``(T, pads, 3, rows, cols)`` frames after the failure.
-        maybe: ``(pads, 3, rows, cols)`` channels that may have failed.
-        touched: ``(T, pads, 1, rows, cols)`` frames in which their taxels are loaded.
-        missed: ``(episodes, pads, 3, rows, cols)`` episodes in which their response is missing.
-
-    Returns:
-        Two arrays ``(pads, 3, rows, cols)``: the failed channels, and their readings (N).
-    """
-    told, level = maybe.copy(), np.zeros(maybe.shape)
-    for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
-        place, course = (pad, axis, row, col), (slice(None), pad, axis, row, col)
+    for frames in (loaded & ~after, loaded & after, after & (size < CHECKS.silent * most)):
+        fails &= frames.sum(axis=0) >= CHECKS.samples
+    missed = -sign * each.score(noise, before.slope) > CHECKS.certain / 2
+    others, sure = ~fails[:, 2], fails.copy()
+    for place in zip(*np.nonzero(fails), strict=True):
+        pad, course = place[0], (slice(None), *place)
+        touched = np.broadcast_to(loaded, after.shape)[course] & after[course]
+        spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
+        seen = sum(_fits(problem, pad, others[pad], span, touched[span]) for span in spans)
         least = CHECKS.unusual * max(float(noise[place]), CHECKS.count * problem.noise.step)
-        level[place], unlike = _stays(problem, problem.measured[course], after[course], least)
-        if maybe[place]:
-            loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]
-            spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
-            seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
-            told[place] = seen >= (1 if unlike else CHECKS.repeats)
-    return told, level
-
-
-def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums ``(episodes, pads, 3, rows, cols)`` (N^2) of force^2, force * reading and reading^2, means subtracted."""
-    out = []
-    for span in problem.episodes:
-        own = where[span]
-        count = np.maximum(own.sum(axis=0), 1)
-        x, y = problem.simulated[span], problem.measured[span]
-        x = np.where(own, x - np.sum(x, axis=0, where=own) / count, 0.0)
-        y = np.where(own, y - np.sum(y, axis=0, where=own) / count, 0.0)
-        out.append([np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)])
-    force, answer, spread = np.moveaxis(np.array(out), 1, 0)
-    return force, answer, spread
+        unlike = _is_unlike(problem.measured[course], int(first[place]), problem.at_rest, least)
+        sure[place] = seen >= (1 if unlike else CHECKS.repeats)
+    return sure, silent
 
 
 def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, loaded: NDArray[np.bool_]) -> bool:
@@ -185,27 +132,21 @@ def _fits(problem: Problem, pad: int, others: NDArray[np.bool_], span: slice, lo
         span: Samples of an episode.
         loaded: Frames of the episode in which the taxel is loaded.
     """
-    if loaded.sum() < CHECKS.samples:
-        return False
-    simulated, measured = problem.simulated[span, pad, 2], problem.measured[span, pad, 2]
-    rest = problem.at_rest[span]
-    zero = (
-        measured[rest].mean(axis=0) if rest.sum() >= CHECKS.samples else np.median(problem.measured[:, pad, 2], axis=0)
-    )
-    x, y = simulated[loaded][:, others], (measured - zero)[loaded][:, others]
-    gain = float(np.sum(x * y)) / max(float(np.sum(x * x)), 1e-12)
-    return float(np.sum((y - gain * x) ** 2)) < CHECKS.misfit * float(np.sum(simulated[loaded] ** 2))
+    x, y = (centred(values[span, pad, 2])[loaded][:, others] for values in (problem.simulated, problem.measured))
+    gain = np.sum(x * y) / max(np.sum(x * x), 1e-12)
+    energy = np.sum(problem.simulated[span, pad, 2][loaded] ** 2)
+    return bool(loaded.sum() >= CHECKS.samples and np.sum((y - gain * x) ** 2) < CHECKS.misfit * energy)
 
 
-def _stays(problem: Problem, read: FloatArray, after: NDArray[np.bool_], least: float) -> tuple[float, bool]:
-    """Return the reading (N) of a channel that may have failed, and whether it rules out a working, unloaded channel.
+def _is_unlike(read: FloatArray, first: int, at_rest: NDArray[np.bool_], least: float) -> bool:
+    """Whether the readings of a channel from frame `first` on rule out a working, unloaded channel.
 
-    It does if the reading is far from the level at rest, or never changes although noise changed it at rest.
+    They do if they are further than `least` (N) from those at rest, or never change although noise changed these.
     """
-    level, rest = float(np.median(read[after])), ~after & problem.at_rest
+    rest = at_rest[:first]
     if not rest.any():
-        return level, False
+        return False
     changes = np.diff(read, prepend=read[:1]) != 0
-    changes[after.argmax()] = False  # the failure itself
-    frozen = not changes[after].any() and changes[rest].mean() * after.sum() > CHECKS.missing_changes
-    return level, bool(frozen or abs(level - float(np.median(read[rest]))) > least)
+    missing = changes[:first][rest].mean() * (len(read) - first)
+    frozen = not changes[first + 1 :].any() and missing > CHECKS.missing_changes
+    return bool(frozen or abs(np.median(read[first:]) - np.median(read[:first][rest])) > least)

@@ -1,0 +1,99 @@
+"""Channels: how the reading of each channel responds to the simulated force, which are loaded, and which are silent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem
+from paxisim.diagnose.rules import CHECKS
+
+
+def centred(values: FloatArray, where: NDArray[np.bool_] | bool = True) -> FloatArray:
+    """Values ``(T, ...)`` of an episode minus their mean over the frames in `where`; 0 in its other frames."""
+    where = np.broadcast_to(where, values.shape)
+    mean = np.sum(values, axis=0, where=where) / np.maximum(where.sum(axis=0), 1)
+    return np.where(where, values - mean, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Sums over the frames of each episode, means subtracted, that decide whether a reading responds to a force.
+
+    Attributes:
+        force: ``(episodes, ...)`` sum of the squared force (N^2).
+        product: The same of force times reading.
+        reading: The same of the squared reading.
+    """
+
+    force: FloatArray
+    product: FloatArray
+    reading: FloatArray
+
+    @cached_property
+    def total(self) -> Response:
+        """The sums over all episodes, ``(...)``."""
+        return Response(*(each.sum(axis=0) for each in (self.force, self.product, self.reading)))
+
+    @property
+    def slope(self) -> FloatArray:
+        """Gain of the reading."""
+        return self.product / np.maximum(self.force, 1e-12)
+
+    def score(self, noise: FloatArray, gain: FloatArray | float = 0.0) -> FloatArray:
+        """z-score of the response beyond that of a channel with `gain`, for `noise` in N."""
+        return (self.product - gain * self.force) / (noise * np.sqrt(np.maximum(self.force, 1e-12)))
+
+    def is_missing(self, noise: FloatArray) -> NDArray[np.bool_]:
+        """Whether there is no response, or none that is certain."""
+        return (np.abs(self.slope) < CHECKS.silent) | (np.abs(self.score(noise)) < CHECKS.certain)
+
+
+def response_of(
+    episodes: Sequence[slice], force: FloatArray, reading: FloatArray, where: NDArray[np.bool_] | None = None
+) -> Response:
+    """Compare a force with a reading, both ``(T, ...)`` N, in the frames in `where`; None for all frames."""
+    sums = []
+    for span in episodes:
+        x, y = (centred(values[span], True if where is None else where[span]) for values in (force, reading))
+        sums.append([np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)])
+    return Response(*np.moveaxis(np.array(sums), 1, 0))
+
+
+def silent_channels(problem: Problem) -> NDArray[np.bool_]:
+    """``(pads, 3, rows, cols)`` channels in use that never change under forces too large for rounding or a dead band.
+
+    A sensor may measure the normal force only, and a single wire or Hall element may fail. A gain, however small,
+    cannot cause a constant reading. If no channel of a pad and axis ever changes, all of them count as silent, provided
+    that other channels read forces half as large.
+    """
+    alive = problem.alive
+    still = alive & (np.ptp(problem.measured, axis=0) == 0)
+    if not still.any():
+        return still
+    pressed = pressed_beyond(problem, max(CHECKS.force, CHECKS.share * problem.peak, 2 * problem.noise.step))
+    silent = still & (pressed.sum(axis=0) >= CHECKS.samples)
+    force, reads = np.abs(problem.simulated), problem.measured != np.median(problem.measured, axis=0)
+    for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
+        size = float(force[:, pad, axis].max())
+        smaller = (force > size / 4) & (force < size / 2) & ~still
+        if size > max(2 * problem.noise.step, PRESSED_SHARE * problem.peak) and smaller.any():
+            silent[pad, axis] |= still[pad, axis] & (reads[smaller].mean() > 0.5)
+    return silent
+
+
+def loaded_taxels(problem: Problem) -> NDArray[np.bool_]:
+    """``(T, pads, rows, cols)`` where a normal force presses a taxel so clearly that it should respond."""
+    clear = pressed_beyond(problem, max(CHECKS.pressed * problem.peak, CHECKS.force)) & (problem.simulated > 0)
+    return clear[:, :, 2]
+
+
+def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
+    """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
+    variance = problem.noise.sigma**2
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
+    return np.abs(problem.simulated) > np.maximum(least, CHECKS.on_taxel * tolerated)
