@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from paxisim import augment
 from paxisim.diagnose.causes.failures import failures_of
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
-from paxisim.diagnose.data.channels import loaded_taxels, response_of
+from paxisim.diagnose.data.channels import loaded_taxels, response_of, rest_noise
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
     """Return the taxels that do not respond on any axis although they are pressed in the simulation."""
-    level, noise = np.median(problem.measured, axis=0), np.median(problem.noise.sigma, axis=0)
+    level, noise = np.median(problem.measured, axis=0), rest_noise(problem)
     floor = max(CHECKS.count * problem.noise.step, 0.03)
     dead = _never_respond(problem, noise) | _still(problem, level, noise, floor)
     gone = np.broadcast_to(dead[:, None], problem.alive.shape)
@@ -44,14 +44,11 @@ def _never_respond(problem: Problem, noise: FloatArray) -> NDArray[np.bool_]:
     each = response_of(problem.episodes, problem.simulated, problem.measured)
     missing = each.total.is_missing(noise)
     # slow noise may resemble a faint shear, but not consistently in all episodes
-    scatter = np.sqrt(np.sum(each.product**2, axis=0))
-    missing |= (np.abs(each.total.product) < CHECKS.consistent * scatter) & (np.abs(each.total.slope) < CHECKS.responds)
-    dead = missing.all(axis=1) & (each.total.score(noise, 1.0)[:, 2] < -CHECKS.certain)
-    dead &= loaded_taxels(problem).sum(axis=0) >= CHECKS.samples
-    if dead.any():
-        late = problem.run(augment.LowPass(CHECKS.late), problem.simulated)
-        dead &= response_of(problem.episodes, late, problem.measured).total.is_missing(noise)[:, 2]
-    return dead
+    shared = np.abs(each.total.product) > CHECKS.consistent * np.sqrt(np.sum(each.product**2, axis=0))
+    missing[:, :2] |= ~(shared | (np.abs(each.total.slope) > CHECKS.responds))[:, :2]
+    dead = missing.all(axis=1) & (each.total.score(noise, 1.0) < -CHECKS.certain)[:, 2]
+    # a late response is no multiple of the force, but it is no noise either
+    return dead & each.total.is_quiet(noise)[:, 2] & (loaded_taxels(problem).sum(axis=0) >= CHECKS.samples)
 
 
 def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> NDArray[np.bool_]:
@@ -66,7 +63,7 @@ def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float)
     total = response_of(problem.episodes, problem.simulated, problem.measured).total
     energy, product = np.sum(total.force / noise**2, axis=1), np.sum(total.product / noise**2, axis=1)
     missing = (energy - product) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
-    still = (problem.measured.std(axis=0) < CHECKS.quiet * noise).all(axis=1)
+    still = total.is_quiet(noise).all(axis=1)
     reached = np.abs(problem.simulated).max(axis=(0, 2)) > problem.noise.step
     return far & still & reached & (product < CHECKS.responds * energy) & (missing > CHECKS.certain)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.data.channels import centred, loaded_taxels, response_of
+from paxisim.diagnose.data.channels import centred, loaded_taxels, response_of, rest_noise
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import CHECKS
 
@@ -41,7 +41,7 @@ def failures_of(problem: Problem) -> Failures | None:
     """
     if not problem.runs_through:
         return None
-    noise = _noise(problem)
+    noise = rest_noise(problem)
     gains = [_gains(problem, noise, pad) for pad in range(len(noise))]
     own = np.stack([gain.argmax(axis=0) for gain in gains]) + 1
     shared = np.stack([gain.sum(axis=1, keepdims=True).argmax(axis=0) for gain in gains]) + 1
@@ -57,14 +57,6 @@ def failures_of(problem: Problem) -> Failures | None:
     for place in zip(*np.nonzero(failed), strict=True):
         level[place] = np.median(problem.measured[(slice(first[place], None), *place)])
     return Failures(failed, since, level)
-
-
-def _noise(problem: Problem) -> FloatArray:
-    """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
-    rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
-    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= CHECKS.samples]
-    usual = np.median(problem.noise.sigma, axis=0)
-    return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
 
 
 def _gains(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
@@ -99,9 +91,7 @@ def _judged(
     # before the failure, only forces as small as those after it count
     before = response_of(problem.episodes, problem.simulated, problem.measured, ~after & (size <= most)).total
     each = response_of(problem.episodes, problem.simulated, problem.measured, after)
-    frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
-    silent = np.all(each.reading <= (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples), axis=0)
-    silent &= each.total.is_missing(noise)
+    silent = each.is_quiet(noise).all(axis=0) & each.total.is_missing(noise)
     sign = np.sign(before.slope)
     fails = silent & (np.abs(each.total.slope) < CHECKS.silent)
     fails &= (np.abs(before.slope) > CHECKS.responds) & (np.abs(before.score(noise)) > CHECKS.certain)

@@ -20,24 +20,34 @@ def centred(values: FloatArray, where: NDArray[np.bool_] | bool = True) -> Float
     return np.where(where, values - mean, 0.0)
 
 
+def rest_noise(problem: Problem) -> FloatArray:
+    """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
+    rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
+    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= CHECKS.samples]
+    usual = np.median(problem.noise.sigma, axis=0)
+    return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
+
+
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Sums over the frames of each episode, means subtracted, that decide whether a reading responds to a force.
+    """Sums over frames, the means of each episode subtracted, that show whether a reading responds to a force.
 
     Attributes:
-        force: ``(episodes, ...)`` sum of the squared force (N^2).
-        product: The same of force times reading.
-        reading: The same of the squared reading.
+        frames: Number of frames.
+        force: Squared force (N^2).
+        product: Force times reading (N^2).
+        reading: Squared reading (N^2).
     """
 
+    frames: FloatArray
     force: FloatArray
     product: FloatArray
     reading: FloatArray
 
     @cached_property
     def total(self) -> Response:
-        """The sums over all episodes, ``(...)``."""
-        return Response(*(each.sum(axis=0) for each in (self.force, self.product, self.reading)))
+        """The sums over all episodes, if the first axis is that of the episodes."""
+        return Response(*(each.sum(axis=0) for each in (self.frames, self.force, self.product, self.reading)))
 
     @property
     def slope(self) -> FloatArray:
@@ -52,15 +62,22 @@ class Response:
         """Whether there is no response, or none that is certain."""
         return (np.abs(self.slope) < CHECKS.silent) | (np.abs(self.score(noise)) < CHECKS.certain)
 
+    def is_quiet(self, noise: FloatArray) -> NDArray[np.bool_]:
+        """Whether the reading shows only noise beside its response."""
+        return self.reading - self.slope * self.product <= (CHECKS.quiet * noise) ** 2 * np.maximum(
+            self.frames, CHECKS.samples
+        )
+
 
 def response_of(
-    episodes: Sequence[slice], force: FloatArray, reading: FloatArray, where: NDArray[np.bool_] | None = None
+    episodes: Sequence[slice], force: FloatArray, reading: FloatArray, where: NDArray[np.bool_] | bool = True
 ) -> Response:
-    """Compare a force with a reading, both ``(T, ...)`` N, in the frames in `where`; None for all frames."""
+    """Compare a force with a reading, both ``(T, ...)`` N, in the frames in `where`: sums ``(episodes, ...)``."""
+    where = np.broadcast_to(where, force.shape)
     sums = []
     for span in episodes:
-        x, y = (centred(values[span], True if where is None else where[span]) for values in (force, reading))
-        sums.append([np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)])
+        x, y = (centred(values[span], where[span]) for values in (force, reading))
+        sums.append([where[span].sum(axis=0), *(np.sum(a * b, axis=0) for a, b in ((x, x), (x, y), (y, y)))])
     return Response(*np.moveaxis(np.array(sums), 1, 0))
 
 
