@@ -20,7 +20,7 @@ def _read(problem: Problem) -> Reading | None:
     """Return the taxels that do not respond on any axis although they are pressed, and the channels that fail."""
     level, noise = np.median(problem.measured, axis=0), rest_noise(problem)
     floor = max(CHECKS.count * problem.noise.step, 0.03)
-    dead = _never_respond(problem, noise) | _still(problem, level, noise, floor)
+    dead = _dead(problem, level, noise, floor)
     first = _failures(problem, noise)
     failed = first > 0
     # a taxel that failed early may seem to have been dead all along
@@ -42,28 +42,20 @@ def _read(problem: Problem) -> Reading | None:
     return Reading(fault, values, replace(problem, alive=problem.alive & ~gone))
 
 
-def _never_respond(problem: Problem, noise: FloatArray) -> BoolArray:
-    """``(pads, rows, cols)`` taxels that are pressed, and do not respond on any axis."""
-    total = response_of(problem.episodes, problem.simulated, problem.measured).total
-    dead = total.is_missing(noise).all(axis=1) & (total.score(noise, 1.0) < -CHECKS.certain)[:, 2]
-    # a late response is no multiple of the force, but it is no noise either
-    return dead & total.is_quiet(noise)[:, 2] & (loaded_taxels(problem).sum(axis=0) >= CHECKS.samples)
+def _dead(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> BoolArray:
+    """``(pads, rows, cols)`` taxels that do not respond on any axis although pressed.
 
-
-def _still(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) -> BoolArray:
-    """``(pads, rows, cols)`` taxels that are stuck at an unusual level on all axes while pressed, however lightly.
-
-    Light presses suffice, because no dead band suppresses a non-zero reading.
+    They are pressed so clearly that they should respond. Light presses suffice for a taxel that is stuck at an unusual
+    level on all axes, because no dead band suppresses a non-zero reading.
     """
+    total = response_of(problem.episodes, problem.simulated, problem.measured).total
+    # a late response is no multiple of the force, but it is no noise either
+    missing, quiet = total.score(noise, 1.0) < -CHECKS.certain, total.is_quiet(noise)
+    pressed = loaded_taxels(problem).sum(axis=0) >= CHECKS.samples
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
     far = (np.abs(level) > CHECKS.unusual * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
-    if not far.any():
-        return far
-    total = response_of(problem.episodes, problem.simulated, problem.measured).total
-    energy, product = np.sum(total.force / noise**2, axis=1), np.sum(total.product / noise**2, axis=1)
-    missing = (energy - product) / np.sqrt(np.maximum(energy, 1e-12))  # z-score of the missing response
-    far &= total.is_quiet(noise).all(axis=1) & (product < CHECKS.responds * energy)
-    return far & (missing > CHECKS.certain)
+    dead = (pressed & missing[:, 2] & quiet[:, 2]) | (far & missing.any(axis=1) & quiet.all(axis=1))
+    return dead & total.is_missing(noise).all(axis=1)
 
 
 def _unmoved(problem: Problem, floor: float) -> BoolArray:
