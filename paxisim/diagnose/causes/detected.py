@@ -38,7 +38,7 @@ class ReadOff:
         """``(T, pads, 3, rows, cols)`` N, a prediction with the detected dead or stuck taxels."""
         for reading in self.readings.values():
             fault = reading.transform
-            if reading.problem.alive.sum() < self.raw.alive.sum() and not reading.rounds:
+            if not reading.rounds and reading.problem.alive.sum() < self.raw.alive.sum():
                 prediction = fault.run(prediction, self.raw.time) if fault.has_memory else fault(prediction)
         return prediction
 

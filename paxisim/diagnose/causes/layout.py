@@ -23,20 +23,15 @@ def _read(problem: Problem) -> Reading | None:
     """
     pads, _, rows, cols = problem.alive.shape
     orders = [None, *list(permutations(range(pads)))[1:]] if pads <= 3 else [None]
-    no_or_yes = (False, True)
-    faults = [
-        augment.LayoutFault(flip_rows=flip_rows, flip_cols=flip_cols, transpose=transpose, pad_order=order)
-        for order, flip_rows, flip_cols, transpose in product(
-            orders, no_or_yes, no_or_yes, no_or_yes if rows == cols else (False,)
-        )
-    ]
+    either = (False, True)
+    moves = product(orders, either, either, either if rows == cols else (False,))
+    faults = [augment.LayoutFault(*turns, order) for order, *turns in moves]
     responses = [_responses(problem, fault(problem.simulated), 2, 2) for fault in faults]
     alike = np.stack([_correlations(each) for each in responses])
     alike *= np.sign(alike.mean(axis=1, keepdims=True))  # the sign of the normal force may be reversed
     best = int(np.argmax(np.round(alike.mean(axis=1), 9)))
-    better = alike[best] - alike[0]
-    agrees = better.mean() > CHECKS.better and (better > 0)[better != 0].mean() >= CHECKS.most
-    if not agrees or not _fits_all(responses[0].total, responses[best].total):
+    clear = (alike[best] - alike[0]).mean() > CHECKS.better
+    if not clear or not _fits_all(responses[0].total, responses[best].total):
         best = 0
     signs, order = _axes(problem, faults[best](problem.simulated))
     if not best and signs == (1, 1, 1) and order == (0, 1, 2):
@@ -70,18 +65,14 @@ def _fits_all(given: Response, moved: Response) -> bool:
 def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
     """Signs and order of the axes, from their correlations with the simulated axes."""
 
-    def alike(axis: int, other: int) -> FloatArray:
-        return _correlations(_responses(problem, simulated, axis, other))
+    def alike(axis: int, other: int) -> float:
+        return float(_correlations(_responses(problem, simulated, axis, other)).mean())
 
-    straight, crossed = (
-        sum(abs(alike(i, j).mean()) for i, j in pairs) for pairs in (((0, 0), (1, 1)), ((0, 1), (1, 0)))
-    )
+    straight, crossed = (abs(alike(0, i)) + abs(alike(1, 1 - i)) for i in range(2))
     order = (1, 0, 2) if crossed > straight + 0.8 else (0, 1, 2)
     signs = [1, 1, 1]
     for axis, other in enumerate(order):
-        each = alike(axis, other)
-        opposed = each.mean() < -0.4 and (each < 0).mean() >= CHECKS.most
-        if opposed and (axis == 2 or _turned(problem, simulated, axis, other)):
+        if alike(axis, other) < -0.4 and (axis == 2 or _turned(problem, simulated, axis, other)):
             signs[axis] = -1
     return (signs[0], signs[1], signs[2]), order
 

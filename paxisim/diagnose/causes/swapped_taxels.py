@@ -35,7 +35,7 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
     """
     residual, load = _residuals(problem, pad, 2)
     shear = _residuals(problem, pad, 0)[0] + _residuals(problem, pad, 1)[0]
-    total, certain = residual.sum(axis=0), CHECKS.certain**2
+    total, certain, cols = residual.sum(axis=0), CHECKS.certain**2, problem.alive.shape[-1]
     best = np.argmin(total, axis=1)
     pairs = []
     for one, other in enumerate(best):
@@ -44,20 +44,15 @@ def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
             continue
         gain, shear_gain = (each[:, own, own] - each[:, own, its] for each in (residual, shear))  # (episodes, 2)
         decides = np.abs(gain) > certain
+        fits = np.all(total[own, its] < CHECKS.residual * total[own, own]) and shear_gain.sum() > -certain
         agrees = np.all(np.sum(gain > certain, axis=0) >= CHECKS.most * decides.sum(axis=0))
-        clear = np.all(total[own, its] < CHECKS.residual * total[own, own]) and np.all(gain.sum(axis=0) > certain)
-        if clear and agrees and decides.any(axis=1).sum() >= CHECKS.repeats and shear_gain.sum() > -certain:
-            cols = problem.alive.shape[-1]
+        if fits and agrees and decides.any(axis=1).sum() >= CHECKS.repeats:
             pairs.append((pad, *map(int, divmod(one, cols)), *map(int, divmod(other, cols))))
     return pairs
 
 
 def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Fit the reading of each taxel of a pad by the force on each taxel.
-
-    The gain of a fit is free but shared by all episodes. Where the gain of another taxel's force is outside the range
-    of a working taxel, the whole reading counts as residual. A motion in which all forces are proportional, such as
-    presses at one place, therefore decides nothing.
+    """Fit the reading of each taxel of a pad by the force on each taxel, with a gain that all episodes share.
 
     Returns:
         Squared residuals in noise units, ``(episodes, taxels, taxels)`` with the reading taxel first, and the squared
@@ -65,15 +60,11 @@ def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, Float
     """
     sums = []
     for span in problem.episodes:
-        x, y = (
-            centred(values[span, pad, axis]).reshape(span.stop - span.start, -1)
-            for values in (problem.simulated, problem.measured)
-        )
+        streams = problem.simulated[span, pad, axis], problem.measured[span, pad, axis]
+        x, y = (centred(values).reshape(len(values), -1) for values in streams)
         sums.append((y.T @ x, np.sum(x * x, axis=0)[None], np.sum(y * y, axis=0)[:, None]))
     product, force, reading = (np.array(each) for each in zip(*sums, strict=True))
     gain = product.sum(axis=0) / np.maximum(force.sum(axis=0), 1e-12)
-    works = (gain > CHECKS.responds) & (gain < 1 / CHECKS.responds)
-    gain[~works & ~np.eye(len(gain), dtype=bool)] = 0.0
     noise = np.median(problem.noise.sigma[:, pad, axis], axis=0).reshape(-1, 1)
     return (reading - 2 * gain * product + gain**2 * force) / noise**2, force.sum(axis=(0, 1))
 

@@ -51,13 +51,9 @@ def _absorbed(
 def _evidence(
     problem: Problem, load: FloatArray, residual: FloatArray, gains: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What the episodes say about the gains: the arguments of `drawn`.
+    """Return the arguments of `drawn`, from the effect of adding 1 to all `gains` and from the residual with them.
 
-    Args:
-        problem: The recording.
-        load: ``(T, pads, 3, rows, cols)`` effect of adding 1 to all gains, in units of the noise.
-        residual: Residual at `gains`, in the same units.
-        gains: ``(pads, rows, cols)`` the gains.
+    Both are ``(T, pads, 3, rows, cols)`` in units of the noise.
     """
     weights = _by_episode(problem, load**2)
     return _by_episode(problem, load * residual) + (gains - 1) * weights, weights
