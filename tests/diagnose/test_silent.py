@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded import diagnosed, names, plain
 
-from paxisim.diagnose.data.channels import silent_channels
+from paxisim.diagnose.causes.channels import silent_channels
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.explain.caveats import silent_in_words
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim import augment
+from paxisim.diagnose.causes.channels import centred, loaded_taxels, response_of, rest_noise
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
-from paxisim.diagnose.data.channels import centred, loaded_taxels, response_of, rest_noise
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import CHECKS
 

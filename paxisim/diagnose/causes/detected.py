@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from paxisim.diagnose.causes.channels import silent_channels
 from paxisim.diagnose.causes.kinds import Cause, DetectedCause, Reading
-from paxisim.diagnose.data.channels import silent_channels
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.errors import InvalidValueError
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.channels import Response, response_of
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
-from paxisim.diagnose.data.channels import Response, response_of
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.rules import CHECKS
 
@@ -69,7 +69,7 @@ def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int]
         return float(_correlations(_responses(problem, simulated, axis, other)).mean())
 
     straight, crossed = (abs(alike(0, i)) + abs(alike(1, 1 - i)) for i in range(2))
-    order = (1, 0, 2) if crossed > straight + 0.8 else (0, 1, 2)
+    order = (1, 0, 2) if crossed > straight + 0.8 else (0, 1, 2)  # 0.4 for each axis; coupling raises `crossed` too
     signs = [1, 1, 1]
     for axis, other in enumerate(order):
         if alike(axis, other) < -0.4 and (axis == 2 or _turned(problem, simulated, axis, other)):

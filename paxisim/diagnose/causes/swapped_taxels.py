@@ -12,8 +12,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.channels import centred
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
-from paxisim.diagnose.data.channels import centred
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.rules import CHECKS
 

@@ -64,9 +64,8 @@ class Response:
 
     def is_quiet(self, noise: FloatArray) -> NDArray[np.bool_]:
         """Whether the reading shows only noise beside its response."""
-        return self.reading - self.slope * self.product <= (CHECKS.quiet * noise) ** 2 * np.maximum(
-            self.frames, CHECKS.samples
-        )
+        most = (CHECKS.quiet * noise) ** 2 * np.maximum(self.frames, CHECKS.samples)
+        return self.reading - self.slope * self.product <= most
 
 
 def response_of(
