@@ -79,13 +79,11 @@ class Checks:
 
     Attributes:
         certain: z-score of a response, of a missing one, or of the gain of a swap, that is certain.
-        consistent: Smallest z-score of a faint response summed over episodes that counts as a response.
         quiet: Largest standard deviation, in units of the noise, of a channel that does not respond.
         responds: Smallest gain of a channel that works; its inverse is the largest.
         silent: Largest gain of a channel that does not respond.
         unusual: Level of a channel, in units of its usual level or noise, at which no working channel stays.
         unmoved: Largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis.
-        late: Time constant of a taxel that responds late, in seconds.
         samples: Fewest samples that decide anything.
         repeats: Fewest episodes that decide, because in a single one the contact may be misplaced.
         most: Share of the episodes that must agree.
@@ -106,13 +104,11 @@ class Checks:
     """
 
     certain: float = 8.0
-    consistent: float = 1.6
     quiet: float = 1.8
     responds: float = 0.3
     silent: float = 0.12
     unusual: float = 4.0
     unmoved: float = 0.2
-    late: float = 0.1
     samples: int = 8
     repeats: int = 2
     most: float = 0.8

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from recorded import diagnosed, names, plain
 
+from paxisim.diagnose.causes.channels import silent_channels
 from paxisim.diagnose.data.problem import problem_of
-from paxisim.diagnose.data.silent import silent_channels
 from paxisim.diagnose.explain.evidence import silent_in_words
 
 CAUSES = ("axis_gain", "taxel_gain", "dead_taxels")

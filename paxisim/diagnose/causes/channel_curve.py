@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.signal import detrend
 from scipy.stats import t as student
 
 from paxisim import augment
@@ -20,11 +21,8 @@ _PRIOR = 3.0  # standard deviation of the prior at a knot, in units of the peak;
 
 def mixes_alike(problem: Problem) -> str:
     """Why causes that mix or swap channels cannot be tested; empty if they can."""
-    return (
-        "the simulation is the load used for calibration, so mixing between channels is not identifiable"
-        if problem.one_load
-        else ""
-    )
+    why = "the simulation is the load used for calibration, so mixing between channels is not identifiable"
+    return why if problem.one_load else ""
 
 
 def no_neighbours(problem: Problem) -> str:
@@ -38,41 +36,19 @@ def bent_apart(problem: Problem) -> str:
 
 
 def _own_loads(problem: Problem) -> str:
-    return (
-        ""
-        if problem.one_load
-        else "the channels are in newtons, so one curve for all taxels is tested instead (stiffening)"
-    )
+    why = "the channels are in newtons, so one curve for all taxels is tested instead (stiffening)"
+    return "" if problem.one_load else why
 
 
 def _ends(problem: Problem) -> tuple[float, float]:
+    """The loads of the first and the last knot (N)."""
     return problem.least if problem.least < -0.1 * problem.peak else 0.0, problem.peak
 
 
-def _curve(values: FloatArray, problem: Problem) -> augment.ChannelCurve:
-    return augment.ChannelCurve(np.asarray(values), *_ends(problem))
-
-
-def _solve(
-    problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
-) -> FloatArray:
-    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors at the knots; see `PerChannelCause.solve`."""
-    low, high = (np.asarray(value) for value in _ends(problem))
-    shapes = np.moveaxis(hats(y, low, high, KNOTS), 1, 0)  # (KNOTS, T, ...)
-    step = _STEP * problem.peak
-    error = np.zeros((KNOTS, *y.shape[1:])) if near is None else near
-    used = 1.0 if problem.fitted is None else problem.fitted[:, None, None, None, None]
-    for _ in range(2 if near is None else 1):
-        bent = y + np.sum(shapes * error[:, None], axis=0)
-        now = end(bent)
-        slopes = np.stack([(end(bent + step * shape) - now) / step for shape in shapes])
-        effects = np.stack([problem.weigh(slope) for slope in slopes]) * used
-        right = np.einsum("at...,t...->...a", effects, problem.weigh(problem.measured - now), optimize=True)
-        change = np.linalg.solve(_normal(problem, effects), right[..., None])[..., 0]
-        error = error + np.moveaxis(change, -1, 0)
-    after = problem.measured - end(y + np.sum(shapes * error[:, None], axis=0))
-    share = problem.weight**2 * used
-    return error + np.sum(share * after, axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+def _hats(problem: Problem, load: FloatArray) -> FloatArray:
+    """``(KNOTS, T, pads, 3, rows, cols)`` effect of an error of 1 N at each knot (N)."""
+    low, high = map(np.asarray, _ends(problem))
+    return np.moveaxis(hats(load, low, high, KNOTS), 1, 0)
 
 
 def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
@@ -82,34 +58,47 @@ def _normal(problem: Problem, effects: FloatArray) -> FloatArray:
     return normal + ridge * np.eye(KNOTS)
 
 
+def _solved(normal: FloatArray, effects: FloatArray, residual: FloatArray) -> FloatArray:
+    """``(KNOTS, pads, 3, rows, cols)`` N, the errors whose effects fit a residual best."""
+    right = np.einsum("at...,t...->...a", effects, residual, optimize=True)
+    return np.moveaxis(np.linalg.solve(normal, right[..., None])[..., 0], -1, 0)
+
+
+def _solve(
+    problem: Problem, y: FloatArray, end: Callable[[FloatArray], FloatArray], near: FloatArray | None
+) -> FloatArray:
+    """``(KNOTS, pads, 3, rows, cols)`` N, best-fitting errors at the knots; see `PerChannelCause.solve`."""
+    shapes, step = _hats(problem, y), _STEP * problem.peak
+    error = np.zeros((KNOTS, *y.shape[1:])) if near is None else near
+    used = 1.0 if problem.fitted is None else problem.fitted[:, None, None, None, None]
+    for _ in range(2 if near is None else 1):
+        bent = y + np.sum(shapes * error[:, None], axis=0)
+        now = end(bent)
+        effects = np.stack([problem.weigh((end(bent + step * shape) - now) / step) for shape in shapes]) * used
+        error = error + _solved(_normal(problem, effects), effects, problem.weigh(problem.measured - now))
+    after = problem.measured - end(y + np.sum(shapes * error[:, None], axis=0))
+    share = problem.weight**2 * used
+    return error + np.sum(share * after, axis=0) / np.maximum(share.sum(axis=0), 1e-12)
+
+
 def _error(problem: Problem, prediction: FloatArray, fitted: FloatArray) -> FloatArray:
     """``(KNOTS, pads, 3, rows, cols)`` N, half-widths of 90% intervals, with episodes as replicates."""
-    low, high = (np.asarray(value) for value in _ends(problem))
-    shapes = np.moveaxis(hats(problem.simulated, low, high, KNOTS), 1, 0)
-    effects = np.stack([problem.weigh(shape) for shape in shapes])
-    rest, inverse = problem.residual(prediction), np.linalg.inv(_normal(problem, effects))
-    square = np.zeros(inverse.shape[:-1])
-    for span in problem.episodes:
-        score = np.einsum("at...,t...->...a", effects[:, span], rest[span], optimize=True)
-        square += (inverse @ score[..., None])[..., 0] ** 2
-    count = len(problem.episodes)
-    width = float(student.ppf(0.95, count - 1)) * np.sqrt(square * count / (count - 1))
-    return np.asarray(np.moveaxis(width, -1, 0), dtype=np.float64)
+    effects = np.stack([problem.weigh(shape) for shape in _hats(problem, problem.simulated)])
+    normal, rest, count = _normal(problem, effects), problem.residual(prediction), len(problem.episodes)
+    square = sum(_solved(normal, effects[:, span], rest[span]) ** 2 for span in problem.episodes)
+    return float(student.ppf(0.95, count - 1)) * np.sqrt(square * count / (count - 1))
 
 
 def _bend(values: FloatArray, problem: Problem) -> float:
     """Deviation of the most curved channel from a straight line, in units of materiality."""
-    error = np.asarray(values)
-    place = np.linspace(-1, 1, len(error))
-    slope = np.tensordot(place, error, 1) / np.sum(place**2)
-    rest = error - error.mean(axis=0) - place.reshape(-1, 1, 1, 1, 1) * slope
+    rest = detrend(np.asarray(values), axis=0)
     return float(np.sqrt(np.mean(rest**2, axis=0))[problem.alive].max() / (MATERIAL_BEND * problem.peak))
 
 
 CHANNEL_CURVE = PerChannelCause(
     name="channel_curve",
     order=74,
-    make=_curve,
+    make=lambda values, problem: augment.ChannelCurve(np.asarray(values), *_ends(problem)),
     excites="staircase",
     array="error",
     unit="N",

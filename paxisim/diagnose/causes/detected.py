@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from paxisim.diagnose.causes.channels import silent_channels
 from paxisim.diagnose.causes.kinds import Cause, DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
-from paxisim.diagnose.data.silent import silent_channels
 from paxisim.errors import InvalidValueError
 
 
@@ -46,7 +46,7 @@ class ReadOff:
         """``(T, pads, 3, rows, cols)`` N, a prediction with the detected dead or stuck taxels."""
         for reading in self.readings.values():
             fault = reading.transform
-            if reading.problem.alive.sum() < self.raw.alive.sum() and not reading.rounds:
+            if not reading.rounds and reading.problem.alive.sum() < self.raw.alive.sum():
                 prediction = fault.run(prediction, self.raw.time) if fault.has_memory else fault(prediction)
         return prediction
 

@@ -6,14 +6,12 @@ from paxisim import augment
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import Problem
 
-DEVICE_STEP = 0.1  # N per count of a PaXini sensor
-COARSER = 1.2  # in units of that step; coarser rounding is a cause
+COARSE = 0.12  # N per count; clearly coarser than the 0.1 N of a PaXini sensor
 
 
 def _read(problem: Problem) -> Reading | None:
-    if problem.noise.step < COARSER * DEVICE_STEP:
-        return None
-    return Reading(augment.Quantisation((problem.noise.step,) * 3), {"step": problem.noise.step}, problem, rounds=True)
+    step = problem.noise.step
+    return Reading(augment.Quantisation((step,) * 3), {"step": step}, problem, rounds=True) if step >= COARSE else None
 
 
 QUANTISATION = DetectedCause(

@@ -12,6 +12,7 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
+from paxisim.diagnose.causes.channels import centred
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.rules import CHECKS
@@ -29,58 +30,43 @@ def _read(problem: Problem) -> Reading | None:
 def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
     """Return the swapped pairs of a pad.
 
-    The normal force that a taxel of a pair reads best must be the other's, and the shear must not contradict the swap.
+    The normal force that a taxel of a pair reads best must be the other's, in most episodes that decide, and the shear
+    must not contradict the swap.
     """
-    cols = problem.alive.shape[-1]
-    left, load = _left(problem, pad, 2)
-    own = np.diagonal(left, axis1=1, axis2=2)
-    total, own_total = left.sum(axis=0), own.sum(axis=0)
+    residual, load = _residuals(problem, pad, 2)
+    shear = _residuals(problem, pad, 0)[0] + _residuals(problem, pad, 1)[0]
+    total, certain, cols = residual.sum(axis=0), CHECKS.certain**2, problem.alive.shape[-1]
     best = np.argmin(total, axis=1)
-    shear = _left(problem, pad, 0)[0] + _left(problem, pad, 1)[0]
-    loaded = load > CHECKS.pair_load * load.max()
     pairs = []
     for one, other in enumerate(best):
-        if one >= other or best[other] != one or not (loaded[one] or loaded[other]):
+        own, its = (one, other), (other, one)
+        if one >= other or best[other] != one or max(load[one], load[other]) <= CHECKS.pair_load * load.max():
             continue
-        both = ((one, other), (other, one))
-        fits = all(total[i, j] < CHECKS.residual * own_total[i] for i, j in both)
-        if fits and all(own_total[i] - total[i, j] > CHECKS.certain**2 for i, j in both):
-            takes = np.array([own[:, i] - left[:, i, j] for i, j in both])
-            tells = np.abs(takes) > CHECKS.certain**2
-            most = np.all(np.sum(takes > CHECKS.certain**2, axis=1) >= CHECKS.most * tells.sum(axis=1))
-            turned = sum(float(np.sum(shear[:, i, i] - shear[:, i, j])) for i, j in both)
-            if most and tells.any(axis=0).sum() >= CHECKS.repeats and turned > -(CHECKS.certain**2):
-                pairs.append((pad, *map(int, divmod(one, cols)), *map(int, divmod(other, cols))))
+        gain, shear_gain = (each[:, own, own] - each[:, own, its] for each in (residual, shear))  # (episodes, 2)
+        decides = np.abs(gain) > certain
+        fits = np.all(total[own, its] < CHECKS.residual * total[own, own]) and shear_gain.sum() > -certain
+        agrees = np.all(np.sum(gain > certain, axis=0) >= CHECKS.most * decides.sum(axis=0))
+        if fits and agrees and decides.any(axis=1).sum() >= CHECKS.repeats:
+            pairs.append((pad, *map(int, divmod(one, cols)), *map(int, divmod(other, cols))))
     return pairs
 
 
-def _left(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
-    """Fit the reading of each taxel of a pad by the force on each taxel.
-
-    The gain of a fit is free but shared by all episodes. Where the gain of another taxel's force is outside the range
-    of a working taxel, the whole reading counts as residual. A motion in which all forces are proportional, such as
-    presses at one place, therefore decides nothing.
+def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
+    """Fit the reading of each taxel of a pad by the force on each taxel, with a gain that all episodes share.
 
     Returns:
         Squared residuals in noise units, ``(episodes, taxels, taxels)`` with the reading taxel first, and the squared
         forces (N^2), ``(taxels,)``.
     """
-    noise = np.median(problem.noise.sigma[:, pad, axis], axis=0).ravel()
-    products, forces, readings = [], [], []
+    sums = []
     for span in problem.episodes:
-        x, y = (
-            (values[span, pad, axis] - values[span, pad, axis].mean(axis=0)).reshape(span.stop - span.start, -1)
-            for values in (problem.simulated, problem.measured)
-        )
-        products.append(y.T @ x)
-        forces.append(np.sum(x * x, axis=0))
-        readings.append(np.sum(y * y, axis=0))
-    product, force, reading = np.array(products), np.array(forces)[:, None], np.array(readings)[:, :, None]
+        streams = problem.simulated[span, pad, axis], problem.measured[span, pad, axis]
+        x, y = (centred(values).reshape(len(values), -1) for values in streams)
+        sums.append((y.T @ x, np.sum(x * x, axis=0)[None], np.sum(y * y, axis=0)[:, None]))
+    product, force, reading = (np.array(each) for each in zip(*sums, strict=True))
     gain = product.sum(axis=0) / np.maximum(force.sum(axis=0), 1e-12)
-    own = np.eye(len(noise), dtype=bool)
-    gain = np.where(own | ((gain > CHECKS.responds) & (gain < 1 / CHECKS.responds)), gain, 0.0)
-    left = (reading - 2 * gain * product + gain**2 * force) / noise[:, None] ** 2
-    return left, np.sum(force[:, 0], axis=0)
+    noise = np.median(problem.noise.sigma[:, pad, axis], axis=0).reshape(-1, 1)
+    return (reading - 2 * gain * product + gain**2 * force) / noise**2, force.sum(axis=(0, 1))
 
 
 SWAPPED_TAXELS = DetectedCause(

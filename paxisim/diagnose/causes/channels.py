@@ -1,0 +1,115 @@
+"""Channels: how the reading of each channel responds to the simulated force, which are loaded, and which are silent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem
+from paxisim.diagnose.rules import CHECKS
+
+
+def centred(values: FloatArray, where: NDArray[np.bool_] | bool = True) -> FloatArray:
+    """Values ``(T, ...)`` of an episode minus their mean over the frames in `where`; 0 in its other frames."""
+    where = np.broadcast_to(where, values.shape)
+    mean = np.sum(values, axis=0, where=where) / np.maximum(where.sum(axis=0), 1)
+    return np.where(where, values - mean, 0.0)
+
+
+def rest_noise(problem: Problem) -> FloatArray:
+    """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
+    rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
+    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= CHECKS.samples]
+    usual = np.median(problem.noise.sigma, axis=0)
+    return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Sums over frames, the means of each episode subtracted, that show whether a reading responds to a force.
+
+    Attributes:
+        frames: Number of frames.
+        force: Squared force (N^2).
+        product: Force times reading (N^2).
+        reading: Squared reading (N^2).
+    """
+
+    frames: FloatArray
+    force: FloatArray
+    product: FloatArray
+    reading: FloatArray
+
+    @cached_property
+    def total(self) -> Response:
+        """The sums over all episodes, if the first axis is that of the episodes."""
+        return Response(*(each.sum(axis=0) for each in (self.frames, self.force, self.product, self.reading)))
+
+    @property
+    def slope(self) -> FloatArray:
+        """Gain of the reading."""
+        return self.product / np.maximum(self.force, 1e-12)
+
+    def score(self, noise: FloatArray, gain: FloatArray | float = 0.0) -> FloatArray:
+        """z-score of the response beyond that of a channel with `gain`, for `noise` in N."""
+        return (self.product - gain * self.force) / (noise * np.sqrt(np.maximum(self.force, 1e-12)))
+
+    def is_missing(self, noise: FloatArray) -> NDArray[np.bool_]:
+        """Whether there is no response, or none that is certain."""
+        return (np.abs(self.slope) < CHECKS.silent) | (np.abs(self.score(noise)) < CHECKS.certain)
+
+    def is_quiet(self, noise: FloatArray) -> NDArray[np.bool_]:
+        """Whether the reading shows only noise beside its response."""
+        most = (CHECKS.quiet * noise) ** 2 * np.maximum(self.frames, CHECKS.samples)
+        return self.reading - self.slope * self.product <= most
+
+
+def response_of(
+    episodes: Sequence[slice], force: FloatArray, reading: FloatArray, where: NDArray[np.bool_] | bool = True
+) -> Response:
+    """Compare a force with a reading, both ``(T, ...)`` N, in the frames in `where`: sums ``(episodes, ...)``."""
+    where = np.broadcast_to(where, force.shape)
+    sums = []
+    for span in episodes:
+        x, y = (centred(values[span], where[span]) for values in (force, reading))
+        sums.append([where[span].sum(axis=0), *(np.sum(a * b, axis=0) for a, b in ((x, x), (x, y), (y, y)))])
+    return Response(*np.moveaxis(np.array(sums), 1, 0))
+
+
+def silent_channels(problem: Problem) -> NDArray[np.bool_]:
+    """``(pads, 3, rows, cols)`` channels in use that never change under forces too large for rounding or a dead band.
+
+    A sensor may measure the normal force only, and a single wire or Hall element may fail. A gain, however small,
+    cannot cause a constant reading. If no channel of a pad and axis ever changes, all of them count as silent, provided
+    that other channels read forces half as large.
+    """
+    alive = problem.alive
+    still = alive & (np.ptp(problem.measured, axis=0) == 0)
+    if not still.any():
+        return still
+    pressed = pressed_beyond(problem, max(CHECKS.force, CHECKS.share * problem.peak, 2 * problem.noise.step))
+    silent = still & (pressed.sum(axis=0) >= CHECKS.samples)
+    force, reads = np.abs(problem.simulated), problem.measured != np.median(problem.measured, axis=0)
+    for pad, axis in np.argwhere((still | ~alive).all(axis=(2, 3)) & still.any(axis=(2, 3))):
+        size = float(force[:, pad, axis].max())
+        smaller = (force > size / 4) & (force < size / 2) & ~still
+        if size > max(2 * problem.noise.step, PRESSED_SHARE * problem.peak) and smaller.any():
+            silent[pad, axis] |= still[pad, axis] & (reads[smaller].mean() > 0.5)
+    return silent
+
+
+def loaded_taxels(problem: Problem) -> NDArray[np.bool_]:
+    """``(T, pads, rows, cols)`` where a normal force presses a taxel so clearly that it should respond."""
+    clear = pressed_beyond(problem, max(CHECKS.pressed * problem.peak, CHECKS.force)) & (problem.simulated > 0)
+    return clear[:, :, 2]
+
+
+def pressed_beyond(problem: Problem, least: float) -> NDArray[np.bool_]:
+    """``(T, pads, 3, rows, cols)`` where a force exceeds `least` (N) and the contact is certainly on the taxel."""
+    variance = problem.noise.sigma**2
+    tolerated = np.sqrt(variance - variance.min(axis=0))  # large at the edge of a contact, where it may miss the taxel
+    return np.abs(problem.simulated) > np.maximum(least, CHECKS.on_taxel * tolerated)
