@@ -84,6 +84,7 @@ class Checks:
         silent: Largest gain of a channel that does not respond.
         unusual: Level of a channel, in units of its usual level or noise, at which no working channel stays.
         unmoved: Largest drift of a stuck taxel, relative to that of the other taxels of its pad and axis.
+        late: Time constant of a taxel that responds late, in seconds.
         samples: Fewest samples that decide anything.
         repeats: Fewest episodes that decide, because in a single one the contact may be misplaced.
         most: Share of the episodes that must agree.
@@ -109,6 +110,7 @@ class Checks:
     silent: float = 0.12
     unusual: float = 4.0
     unmoved: float = 0.2
+    late: float = 0.1
     samples: int = 8
     repeats: int = 2
     most: float = 0.8

@@ -94,6 +94,21 @@ def test_what_fails_halfway_is_named_with_the_moment_and_nothing_else_is(kind, s
         np.testing.assert_allclose(read[after], recording.measured[after, pad, axis, row, col], atol=0.01)
 
 
+@pytest.mark.parametrize("level", [None, 0.0, 1.2])
+def test_a_chip_that_freezes_is_named_although_nothing_presses_it_afterwards(level):
+    recording = plain(seed=5)
+    frame = len(recording) // 2 + 20  # within an episode
+    free = np.abs(recording.simulated[frame:, :, 2]).max(axis=0) < 0.1
+    pad, row, col = np.argwhere(free)[0]
+    chip = recording.measured[frame:, pad, :, row, col]
+    chip[:] = chip[0].copy() if level is None else level
+    found = diagnosed(recording, (*NEAR, "drift"))
+    assert names(found) == ["dead_taxels"]
+    place, axes, moment = told(found)
+    assert (place, axes) == ((pad, row, col), "xyz")
+    assert moment == pytest.approx(recording.time[frame] - recording.time[0], abs=LATE)
+
+
 def test_a_gain_is_named_beside_it():
     gains = np.reshape([1.0, 1.0, 1.2], (3, 1, 1))
     recording = plain(lambda force, time: gains * force, seed=4)

@@ -55,7 +55,11 @@ def _dead(problem: Problem, level: FloatArray, noise: FloatArray, floor: float) 
     usual = np.median(np.abs(level), axis=(2, 3), keepdims=True)
     far = (np.abs(level) > CHECKS.unusual * (usual + floor)).any(axis=1) | _unmoved(problem, floor)
     dead = (pressed & missing[:, 2] & quiet[:, 2]) | (far & missing.any(axis=1) & quiet.all(axis=1))
-    return dead & total.is_missing(noise).all(axis=1)
+    dead &= total.is_missing(noise).all(axis=1)
+    if dead.any():  # slow changes at rest may hide a late response
+        late = problem.run(augment.LowPass(CHECKS.late), problem.simulated)
+        dead &= response_of(problem.episodes, late, problem.measured).total.is_missing(noise)[:, 2]
+    return dead
 
 
 def _unmoved(problem: Problem, floor: float) -> BoolArray:
@@ -85,7 +89,24 @@ def _failures(problem: Problem, noise: FloatArray) -> NDArray[np.intp]:
     some, silent = _judged(problem, noise, shared)
     whole = (some.any(axis=1) & silent.all(axis=1))[:, None]
     failed = (whole | _judged(problem, noise, own)[0]) & problem.alive
-    return np.where(failed, np.where(whole, shared, own), 0)
+    return np.where(failed, np.where(whole, shared, own), _frozen(problem) * problem.alive)
+
+
+def _frozen(problem: Problem) -> NDArray[np.intp]:
+    """``(pads, 1, rows, cols)`` frame from which a taxel repeats one reading to the end, on all axes; 0 if it does not.
+
+    No load is needed: a channel that changed at rest before, by its noise, does not stop changing. A drift may move one
+    channel from the edge of a count, but hardly two of a taxel.
+    """
+    changes = np.diff(problem.measured, axis=0) != 0
+    last = len(changes) - np.argmax(changes.any(axis=2, keepdims=True)[::-1], axis=0)
+    before = problem.at_rest[1:].reshape(-1, 1, 1, 1, 1) & (np.arange(len(changes)).reshape(-1, 1, 1, 1, 1) < last)
+    rate = np.sum(changes & before, axis=0) / np.maximum(before.sum(axis=0), 1)
+    missing = rate * (len(changes) - last) > CHECKS.missing_changes
+    frozen = missing.sum(axis=1, keepdims=True) >= CHECKS.repeats
+    if frozen.all():  # the whole stream has stopped
+        return np.zeros(last.shape, dtype=np.intp)
+    return np.where(frozen, last, 0)
 
 
 def _gains(problem: Problem, noise: FloatArray, pad: int) -> FloatArray:
@@ -114,12 +135,13 @@ def _judged(problem: Problem, noise: FloatArray, first: NDArray[np.intp]) -> tup
     most = np.max(size, axis=0, where=after, initial=0.0)
     loaded = np.broadcast_to(loaded_taxels(problem)[:, :, None], after.shape)
     streams = problem.episodes, problem.simulated, problem.measured
-    slope = response_of(*streams, ~after & (size <= most)).total.slope
-    each = response_of(*streams, after)
+    before = response_of(*streams, ~after & (size <= most)).total
+    slope, each = before.slope, response_of(*streams, after)
     silent = each.is_quiet(noise).all(axis=0) & each.total.is_missing(noise)
     missing, missing_each = (-np.sign(slope) * sums.score(noise, slope) for sums in (each.total, each))
     fails = silent & (np.abs(each.total.slope) < CHECKS.silent)
-    fails &= (np.abs(slope) > CHECKS.responds) & (missing > CHECKS.certain)
+    fails &= (np.abs(slope) > CHECKS.responds) & (np.abs(before.score(noise)) > CHECKS.certain)
+    fails &= missing > CHECKS.certain
     # the load must be released again: otherwise the channel may be saturated or late
     for frames in (loaded & ~after, loaded & after, after & (size < CHECKS.silent * most)):
         fails &= frames.sum(axis=0) >= CHECKS.samples
