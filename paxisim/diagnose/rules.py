@@ -79,6 +79,7 @@ class Checks:
 
     Attributes:
         certain: z-score of a response, of a missing one, or of the gain of a swap, that is certain.
+        consistent: Smallest z-score of a faint response summed over episodes that counts as a response.
         quiet: Largest standard deviation, in units of the noise, of a channel that does not respond.
         responds: Smallest gain of a channel that works; its inverse is the largest.
         silent: Largest gain of a channel that does not respond.
@@ -88,6 +89,7 @@ class Checks:
         samples: Fewest samples that decide anything.
         repeats: Fewest episodes that decide, because in a single one the contact may be misplaced.
         most: Share of the episodes that must agree.
+        changes: Share of samples at rest in which a reading changes, above which its noise must show.
         missing_changes: Fewest changes that noise should have caused and that are missing.
         misfit: Largest misfit of the other taxels of a pad, relative to the simulated energy, where the contact is as
             simulated.
@@ -105,6 +107,7 @@ class Checks:
     """
 
     certain: float = 8.0
+    consistent: float = 1.6
     quiet: float = 1.8
     responds: float = 0.3
     silent: float = 0.12
@@ -114,6 +117,7 @@ class Checks:
     samples: int = 8
     repeats: int = 2
     most: float = 0.8
+    changes: float = 0.5
     missing_changes: int = 20
     misfit: float = 0.1
     force: float = 0.6

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,66 +14,6 @@ def centred(values: FloatArray, where: NDArray[np.bool_] | bool = True) -> Float
     where = np.broadcast_to(where, values.shape)
     mean = np.sum(values, axis=0, where=where) / np.maximum(where.sum(axis=0), 1)
     return np.where(where, values - mean, 0.0)
-
-
-def rest_noise(problem: Problem) -> FloatArray:
-    """``(pads, 3, rows, cols)`` N, noise of each channel at rest, slow noise included; median over the episodes."""
-    rests = [problem.measured[span][problem.at_rest[span]] for span in problem.episodes]
-    spreads = [rest.std(axis=0) for rest in rests if len(rest) >= CHECKS.samples]
-    usual = np.median(problem.noise.sigma, axis=0)
-    return np.maximum(usual, np.median(spreads, axis=0)) if spreads else usual
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Sums over frames, the means of each episode subtracted, that show whether a reading responds to a force.
-
-    Attributes:
-        frames: Number of frames.
-        force: Squared force (N^2).
-        product: Force times reading (N^2).
-        reading: Squared reading (N^2).
-    """
-
-    frames: FloatArray
-    force: FloatArray
-    product: FloatArray
-    reading: FloatArray
-
-    @cached_property
-    def total(self) -> Response:
-        """The sums over all episodes, if the first axis is that of the episodes."""
-        return Response(*(each.sum(axis=0) for each in (self.frames, self.force, self.product, self.reading)))
-
-    @property
-    def slope(self) -> FloatArray:
-        """Gain of the reading."""
-        return self.product / np.maximum(self.force, 1e-12)
-
-    def score(self, noise: FloatArray, gain: FloatArray | float = 0.0) -> FloatArray:
-        """z-score of the response beyond that of a channel with `gain`, for `noise` in N."""
-        return (self.product - gain * self.force) / (noise * np.sqrt(np.maximum(self.force, 1e-12)))
-
-    def is_missing(self, noise: FloatArray) -> NDArray[np.bool_]:
-        """Whether there is no response, or none that is certain."""
-        return (np.abs(self.slope) < CHECKS.silent) | (np.abs(self.score(noise)) < CHECKS.certain)
-
-    def is_quiet(self, noise: FloatArray) -> NDArray[np.bool_]:
-        """Whether the reading shows only noise beside its response."""
-        most = (CHECKS.quiet * noise) ** 2 * np.maximum(self.frames, CHECKS.samples)
-        return self.reading - self.slope * self.product <= most
-
-
-def response_of(
-    episodes: Sequence[slice], force: FloatArray, reading: FloatArray, where: NDArray[np.bool_] | bool = True
-) -> Response:
-    """Compare a force with a reading, both ``(T, ...)`` N, in the frames in `where`: sums ``(episodes, ...)``."""
-    where = np.broadcast_to(where, force.shape)
-    sums = []
-    for span in episodes:
-        x, y = (centred(values[span], where[span]) for values in (force, reading))
-        sums.append([where[span].sum(axis=0), *(np.sum(a * b, axis=0) for a, b in ((x, x), (x, y), (y, y)))])
-    return Response(*np.moveaxis(np.array(sums), 1, 0))
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
-from itertools import permutations, product
 
 import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.channels import Response, response_of
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.rules import CHECKS
@@ -21,58 +20,80 @@ def _read(problem: Problem) -> Reading | None:
     The order of taxels and pads is found from the normal force regardless of its sign, that of the axes from all three
     forces.
     """
-    pads, _, rows, cols = problem.alive.shape
-    orders = [None, *list(permutations(range(pads)))[1:]] if pads <= 3 else [None]
-    either = (False, True)
-    moves = product(orders, either, either, either if rows == cols else (False,))
-    faults = [augment.LayoutFault(down, across, turned, order) for order, down, across, turned in moves]
-    responses = [_responses(problem, fault(problem.simulated), 2, 2) for fault in faults]
-    alike = np.stack([_correlations(each) for each in responses])
-    alike *= np.sign(alike.mean(axis=1, keepdims=True))  # the sign of the normal force may be reversed
-    best = int(np.argmax(np.round(alike.mean(axis=1), 9)))
-    clear = (alike[best] - alike[0]).mean() > CHECKS.better
-    if not clear or not _fits_all(responses[0].total, responses[best].total):
-        best = 0
-    signs, order = _axes(problem, faults[best](problem.simulated))
+    normal, wanted = problem.measured[:, :, 2], problem.simulated[:, :, 2]
+    pads, rows, cols = wanted.shape[1:]
+    orders = list(itertools.permutations(range(pads))) if pads <= 3 else [tuple(range(pads))]
+
+    def alike_either_way(simulated: FloatArray) -> FloatArray:
+        """Like `_alike`, for a normal force whose sign may be reversed."""
+        alike = _alike(normal, simulated, problem)
+        return -alike if alike.mean() < 0 else alike
+
+    best, most = {}, alike_either_way(wanted)
+    base = most
+    for order, flip_rows, flip_cols, transpose in itertools.product(
+        orders, (False, True), (False, True), (False, True) if rows == cols else (False,)
+    ):
+        fault = {"flip_rows": flip_rows, "flip_cols": flip_cols, "transpose": transpose, "pad_order": order}
+        moved = augment.LayoutFault(**fault)(problem.simulated)[:, :, 2]
+        alike = alike_either_way(moved)
+        if alike.mean() > most.mean() + 1e-9 and alike.mean() > base.mean() + CHECKS.better:
+            best, most = fault, alike
+    if best and (most > base)[most != base].mean() < CHECKS.most:
+        best = {}
+    if best and not _fits_all(normal, wanted, augment.LayoutFault(**best)(problem.simulated)[:, :, 2]):
+        best = {}
+    if best.get("pad_order") == tuple(range(pads)):
+        best["pad_order"] = None
+    moved = augment.LayoutFault(**best)(problem.simulated)
+    signs, order = _axes(problem, moved)
     if not best and signs == (1, 1, 1) and order == (0, 1, 2):
         return None
-    fault = replace(faults[best], axis_signs=signs, axis_order=order)
-    return Reading(fault, {}, with_noise(replace(problem, simulated=fault(problem.simulated))))
+    fault = augment.LayoutFault(**best, axis_signs=signs, axis_order=order)
+    moved = fault(problem.simulated)
+    return Reading(fault, {}, with_noise(replace(problem, simulated=moved)))
 
 
-def _responses(problem: Problem, simulated: FloatArray, axis: int, simulated_axis: int) -> Response:
-    """Response of one axis to the simulated force of one axis, in the episodes with a load; the first one if none."""
-    force = simulated[:, :, simulated_axis]
-    least = max(CHECKS.load * np.abs(force).max(), problem.noise.step)
-    spans = [span for span in problem.episodes if np.abs(force[span]).max() > least] or problem.episodes[:1]
-    return response_of(spans, force, problem.measured[:, :, axis])
-
-
-def _correlations(response: Response) -> FloatArray:
-    """``(episodes,)`` correlations over all taxels."""
-    force, both, reading = (v.sum(axis=(1, 2, 3)) for v in (response.force, response.product, response.reading))
-    return both / np.sqrt(force * reading + 1e-12)
-
-
-def _fits_all(given: Response, moved: Response) -> bool:
+def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> bool:
     """Whether most moved taxels correlate as well at their new place, not only the few that carry most of the load."""
-    before, after = (np.abs(v.product) / np.sqrt(v.force * v.reading + 1e-12) for v in (given, moved))
-    load = np.sqrt(np.maximum(given.force, moved.force))
-    loaded = (load > CHECKS.load * load.max()) & (given.force != moved.force)
-    return float(np.mean((after > before - CHECKS.equal)[loaded])) > CHECKS.moved
+
+    def each(simulated: FloatArray) -> FloatArray:
+        a, b = measured - measured.mean(axis=0), simulated - simulated.mean(axis=0)
+        return np.abs(np.sum(a * b, axis=0)) / np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0) + 1e-12)
+
+    load = np.maximum(np.ptp(given, axis=0), np.ptp(moved, axis=0))
+    loaded = (load > CHECKS.load * load.max()) & np.any(given != moved, axis=0)
+    return float(np.mean((each(moved) > each(given) - CHECKS.equal)[loaded])) > CHECKS.moved
+
+
+def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
+    """Correlation in each episode that has a load; the median of each taxel is subtracted from the measurement."""
+    out = []
+    least = max(0.1 * float(np.abs(simulated).max()), problem.noise.step)
+    for span in problem.episodes:
+        a, b = measured[span], simulated[span]
+        if np.abs(b).max() > least:
+            a = a - np.median(measured, axis=0)
+            out.append(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b) + 1e-12))
+    return np.array(out or [0.0])
 
 
 def _axes(problem: Problem, simulated: FloatArray) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
     """Signs and order of the axes, from their correlations with the simulated axes."""
 
-    def alike(axis: int, other: int) -> float:
-        return float(_correlations(_responses(problem, simulated, axis, other)).mean())
+    def alike(i: int, j: int) -> FloatArray:
+        return _alike(problem.measured[:, :, i], simulated[:, :, j], problem)
 
-    straight, crossed = (abs(alike(0, i)) + abs(alike(1, 1 - i)) for i in range(2))
-    order = (1, 0, 2) if crossed > straight + 0.8 else (0, 1, 2)  # 0.4 for each axis; coupling raises `crossed` too
-    signs = [1, 1, 1]
-    for axis, other in enumerate(order):
-        if alike(axis, other) < -0.4 and (axis == 2 or _turned(problem, simulated, axis, other)):
+    signs, order = [1, 1, 1], (0, 1, 2)
+    straight = np.mean([np.abs(alike(0, 0)).mean(), np.abs(alike(1, 1)).mean()])
+    crossed = np.mean([np.abs(alike(0, 1)).mean(), np.abs(alike(1, 0)).mean()])
+    if crossed > straight + 0.4:
+        order = (1, 0, 2)
+    for axis in range(3):
+        each = alike(axis, order[axis])
+        strong = each[np.abs(each) > 0.2]
+        opposed = len(strong) and strong.mean() < -0.4 and (strong < 0).mean() >= CHECKS.most
+        if opposed and (axis == 2 or _turned(problem, simulated, axis, order[axis])):
             signs[axis] = -1
     return (signs[0], signs[1], signs[2]), order
 
@@ -82,9 +103,10 @@ def _turned(problem: Problem, simulated: FloatArray, axis: int, other: int) -> b
 
     Leakage of the normal force into the shear reading may exceed the small shear of a press.
     """
-    force = np.stack([simulated[:, :, other].ravel(), simulated[:, :, 2].ravel()])
+    shear, normal = simulated[:, :, other].ravel(), simulated[:, :, 2].ravel()
     measured = problem.measured[:, :, axis] - np.median(problem.measured[:, :, axis], axis=0)
-    return bool(np.linalg.lstsq(force @ force.T, force @ measured.ravel(), rcond=None)[0][0] < 0)
+    both = np.stack([shear, normal])
+    return bool(np.linalg.lstsq(both @ both.T, both @ measured.ravel(), rcond=None)[0][0] < 0)
 
 
 LAYOUT = DetectedCause(
