@@ -31,7 +31,7 @@ def exponential(rng: Generator, bench: Bench, size: float) -> Run:
 
 def ogden(rng: Generator, bench: Bench, size: float) -> Run:
     """Each channel follows the compression of a rubber block (Ogden): force over (1 - u)^-a - (1 - u)^(a/2)."""
-    depth, power = between(0.08, 0.35, size), rng.uniform(1.5, 4.0)
+    depth, power = between(0.04, 0.2, size), rng.uniform(1.5, 4.0)
 
     def curve(u: Array) -> Array:
         inside = 1 - depth * np.clip(np.abs(u), 0, 1.5)

@@ -97,30 +97,48 @@ def _loop(raw: Run, bench: Bench, rng: Generator, width: float) -> Run:
     return lambda x: a * x + b * raw(x)
 
 
+def _recorded(raw: Run, bench: Bench) -> Run:
+    """Return a loop that is integrated within the episodes only, and holds its last value in the breaks."""
+    moving = bench.moving
+    last = np.maximum(np.cumsum(moving) - 1, 0)
+    return lambda x: raw(x[moving])[last] if len(x) == len(moving) else raw(x)
+
+
 def preisach(rng: Generator, bench: Bench, size: float) -> Run:
-    """Loop of 40 relays with random thresholds and a random density (Preisach), odd in the force.
+    """Loop of 64 relays with random thresholds and a random density (Preisach), odd in the force.
 
     A relay switches on where the force exceeds its upper threshold, and off below its lower one. All lower thresholds
-    are above 0: at rest all are off, and nothing remains.
+    are above 0: at rest all are off, and nothing remains. The reversible part is such that the mean of the two
+    branches of the largest loop is straight.
     """
-    upper = np.sort(rng.uniform(0.05, 1.0, 40))
-    lower = upper * rng.uniform(0.15, 0.8, 40)
-    density = rng.gamma(2.0, 1.0, 40) * (upper - lower + 0.1)
+    upper = np.sort(rng.uniform(0.03, 1.0, 64))
+    lower = upper * rng.uniform(0.1, 0.8, 64)
+    density = rng.gamma(2.0, 1.0, 64)
     density /= density.sum()
-    spread = rng.uniform(0.9, 1.1, (bench.shape[0], 3, *bench.shape[1:]))  # each channel has thresholds of its own
+    spread = rng.uniform(0.9, 1.1, (bench.shape[0] * 3 * bench.shape[1] * bench.shape[2], 1))  # by channel
     moving = bench.moving
+    way = np.linspace(0, 1.1, 441)
+    mean = ((way[:, None] >= upper) @ density + (way[:, None] > lower) @ density) / 2
+
+    def deviation(u: Array) -> Array:
+        """Return the relays' sum beyond its mean for ``(channels, T)`` forces from 0 to about 1."""
+        size_u, sign = np.abs(u).astype(np.float32), np.sign(u).astype(np.float32)
+        most, index, y = size_u.max(axis=1), np.arange(u.shape[1], dtype=np.int32), np.zeros_like(u)
+        for on, off, weight in zip(upper, lower, density, strict=True):
+            some = np.flatnonzero(most >= on)
+            force = size_u[some]
+            high = force >= on
+            last = np.maximum.accumulate(np.where(high | (force <= off), index, 0), axis=1)
+            y[some] += weight * np.take_along_axis(sign[some] * high, last, axis=1)
+        return y - np.sign(u) * np.interp(np.abs(u), way, mean)
 
     def raw(x: Array) -> Array:
         whole = len(x) == len(moving)
-        scaled = (x[moving] if whole else x) / (bench.reaches * (spread if whole else 1.0))
-        y, sign, force = np.zeros_like(scaled), np.sign(scaled).astype(np.int8), np.abs(scaled).astype(np.float32)
-        index = np.arange(len(force), dtype=np.int32)[:, None, None, None, None]
-        for on, off, weight in zip(upper, lower, density, strict=True):
-            switched = (force >= on) | (force <= off)
-            last = np.maximum.accumulate(np.where(switched, index, 0), axis=0)
-            y += weight * np.take_along_axis(np.where(force >= on, sign, 0), last, axis=0)
+        some, scale = (moving, spread) if whole else (slice(None), 1.0)  # a test cycle: all channels alike
+        part = x[some] / bench.reaches
+        u = part.reshape(len(part), -1).T / scale
         out = np.zeros_like(x)
-        out[moving if whole else slice(None)] = bench.reaches * y
+        out[some] = (deviation(u) * scale).T.reshape(-1, *x.shape[1:]) * bench.reaches
         return out
 
     return _loop(raw, bench, rng, between(0.02, 0.15, size))
@@ -140,7 +158,7 @@ def duhem(rng: Generator, bench: Bench, size: float) -> Run:
             out[i], before = h, x[i]
         return out
 
-    return _loop(raw, bench, rng, between(0.02, 0.15, size))
+    return _loop(_recorded(raw, bench), bench, rng, between(0.02, 0.15, size))
 
 
 def bouc_wen(rng: Generator, bench: Bench, size: float) -> Run:
@@ -160,7 +178,7 @@ def bouc_wen(rng: Generator, bench: Bench, size: float) -> Run:
         load = np.abs(x) / bench.reaches
         return bench.reaches * out * load / (load + pinch)
 
-    return _loop(raw, bench, rng, between(0.02, 0.15, size))
+    return _loop(_recorded(raw, bench), bench, rng, between(0.02, 0.15, size))
 
 
 FORMS = (

@@ -179,10 +179,11 @@ def _permuted(bench: Bench, cycles: list[Array]) -> Run:
 
 def _some_loaded(rng: Generator, bench: Bench, count: int) -> Array:
     """Return flat indices of taxels of one pad that are loaded."""
-    flat = np.ravel_multi_index(tuple(bench.loaded(0.25).T), bench.shape)
+    flat = np.asarray(np.ravel_multi_index(tuple(bench.loaded(0.25).T), bench.shape))
     pads = flat // (bench.shape[1] * bench.shape[2])
     full = [p for p in range(bench.shape[0]) if np.sum(pads == p) >= count]
-    flat = flat[pads == rng.choice(full)] if full else flat
+    if full:
+        flat = flat[np.equal(pads, rng.choice(full))]
     return rng.permutation(flat)[:count]
 
 

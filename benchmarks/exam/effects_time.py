@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import bessel, lfilter, sosfilt, zpk2sos
+from scipy.signal import bessel, lfilter, sosfilt
 
 from .bench import Bench, Form, Run, between, either
 from .presses import FINE, Array
@@ -28,9 +28,8 @@ def moving_average(rng: Generator, bench: Bench, size: float) -> Run:
 
 def bessel_filter(rng: Generator, bench: Bench, size: float) -> Run:
     """Bessel filter of order 2 to 4."""
-    z, p, k = bessel(int(rng.integers(2, 5)), between(15, 1, size), "low", output="zpk", norm="mag", fs=FINE)
-    sos = zpk2sos(z, p, k)
-    return lambda x: sosfilt(sos, x, axis=0)
+    sos = np.asarray(bessel(int(rng.integers(2, 5)), between(15, 1, size), "low", output="sos", norm="mag", fs=FINE))
+    return lambda x: np.asarray(sosfilt(sos, x, axis=0))
 
 
 def resonant(rng: Generator, bench: Bench, size: float) -> Run:
@@ -38,7 +37,7 @@ def resonant(rng: Generator, bench: Bench, size: float) -> Run:
     damping, w = rng.uniform(0.5, 0.9), 2 * np.pi * between(15, 1, size) / FINE
     decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
     a = [1.0, -2 * decay * np.cos(turn), decay**2]
-    return lambda x: lfilter([0.0, sum(a)], a, x, axis=0)
+    return lambda x: np.asarray(lfilter([0.0, sum(a)], a, x, axis=0))
 
 
 # ---- delays, 5 to 120 ms
@@ -121,7 +120,7 @@ def thermal(rng: Generator, bench: Bench, size: float) -> Run:
     """Zero that follows the temperature, with the lag of the pad's mass."""
     pole = np.exp(-1 / (FINE * rng.uniform(2, 15)))
     change = bench.plan.temperature - bench.plan.temperature[0]
-    return _drifted(rng, bench, size, lfilter([1 - pole], [1, -pole], change))
+    return _drifted(rng, bench, size, np.asarray(lfilter([1 - pole], [1, -pole], change)))
 
 
 # ---- fields of the gripper, 0.2 to 5 counts over its travel

@@ -88,7 +88,7 @@ def gain_control(rng: Generator, bench: Bench, size: float) -> Run:
 
     def run(x: Array) -> Array:
         total = x[:, :, 2].sum(axis=(2, 3)) / scale
-        slow = lfilter([1 - pole], [1, -pole], total, axis=0)[:, :, None, None, None]
+        slow = np.asarray(lfilter([1 - pole], [1, -pole], total, axis=0))[:, :, None, None, None]
         return x * (1 + 0.3 * depth) / (1 + depth * slow)
 
     return run

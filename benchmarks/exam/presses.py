@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  # of float64
 Move = Callable[[Generator, int, Array], tuple[Array, Array, Array]]
 
 FINE = 500  # Hz, rate at which forces and effects are computed

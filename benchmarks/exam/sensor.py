@@ -121,7 +121,9 @@ def draw_sensor(rng: Generator, plan: Plan, rounds: bool | None = None, loud: bo
     rho = 0.95 if loud else rng.uniform(0.3, 0.95)
     slow = count * (1.0 if loud else between(0.05, 0.4, rng.uniform()))
     start = rng.normal(size=(200, *shape))
-    coloured = lfilter([np.sqrt(1 - rho**2)], [1, -rho], np.r_[start, rng.normal(size=(frames, *shape))], axis=0)
+    coloured = np.asarray(
+        lfilter([np.sqrt(1 - rho**2)], [1, -rho], np.r_[start, rng.normal(size=(frames, *shape))], axis=0)
+    )
     bench = Bench(plan, count, np.abs(force[0]).max(axis=(0, 1, 3, 4)), force[0])
     return Sensor(
         bench=bench,
