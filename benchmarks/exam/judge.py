@@ -6,6 +6,7 @@ is ignored where the sensor reads whole counts, as that is then true.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -108,9 +109,9 @@ def _noticed(answer: Answer, names: Mapping[str, set[str]], false: tuple[str, ..
     """Return whether a broken stream was noticed: refused, unrelated, left open without names, or told in words."""
     if answer.verdict in ("refused", "unrelated"):
         return True
-    words = " ".join(answer.said).lower()
+    words = " ".join(answer.said)
     if answer.about["broken"] == "clocks":
-        return not false and (answer.verdict == "clocks_differ" or "clock" in words)
+        return not false and (answer.verdict == "clocks_differ" or "clock" in words.lower())
     if answer.about["broken"] == "milli":
-        return not false and any(word in words for word in ("unit", "milli", "mn", "1000"))
+        return not false and re.search(r"\bunits?\b|\bmilli|\bmN\b|\b1000\b", words) is not None
     return not names and answer.verdict in ("unexplained", "partly_explained", "clocks_differ")

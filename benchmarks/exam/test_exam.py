@@ -256,6 +256,10 @@ def answer(kind, true, verdict, named, said=(), **about):
         (answer("broken", (), "no_discrepancy", {}, ("the clocks differ by 2.0 s",), broken="clocks"), "exact right"),
         (answer("broken", (), "explained", {"latency": ()}, broken="clocks"), "false confident"),
         (answer("broken", (), "unrelated", {}, broken="another"), "right"),
+        (answer("broken", (), "explained", {"axis_gain": ()}, ("columns",), broken="milli", accepted=("axis_gain",)),
+         ""),
+        (answer("broken", (), "explained", {"axis_gain": ()}, ("in mN?",), broken="milli", accepted=("axis_gain",)),
+         "right"),
     ],
 )  # fmt: skip
 def test_the_judge(given, expected):
