@@ -4,7 +4,6 @@ python -m pytest benchmarks/exam -n 2
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 from .bench import from_then, only_there
 from .cases import Numbers, all_cases, make
 from .effects import FORMS, form_called, forms_of
-from .judge import judge
 from .motion import draw_plan
 from .outsiders import OUTSIDERS
 from .pairs import Draw, signals_of
@@ -228,45 +226,3 @@ def test_every_kind_can_be_made(kind):
     assert all(effect["signal"] > 0 for effect in made.effects)
     assert set(made.recording.covariates) == {"gripper_opening", "temperature"}
     assert np.isfinite(made.recording.tensor).all()
-
-
-def answer(kind, true, verdict, named, said=(), **about):
-    about = {"accepted": (), "tolerated": (), "effects": (), **about}
-    return SimpleNamespace(kind=kind, true=true, verdict=verdict, named=named, said=said, about=about)
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [
-        (answer("single", ("creep",), "explained", {"creep": ()}), "exact right"),
-        (answer("single", ("creep",), "explained", {"creep": (), "offset": ()}), "contained false confident"),
-        (answer("single", ("creep",), "ambiguous", {"hysteresis": ("creep",)}), "by_rival contained right"),
-        (answer("single", ("creep",), "explained", {"hysteresis": ("creep",)}), "false confident"),
-        (answer("single", ("creep",), "unexplained", {}), ""),
-        (answer("pair", ("creep", "offset"), "ambiguous", {"hysteresis": ("creep",), "offset": ()}),
-         "by_rival contained right"),
-        (answer("pair", ("creep", "offset"), "explained", {"offset": ()}), ""),
-        (answer("null", (), "explained", {"quantisation": ()}, tolerated=("quantisation",)), "exact right"),
-        (answer("null", (), "partly_explained", {"drift": ()}), "false"),
-        (answer("outsider", (), "partly_explained", {"creep": ()}), "false right"),
-        (answer("outsider", (), "no_discrepancy", {}), "exact"),
-        (answer("poor", ("creep",), "explained", {"hysteresis": ()}, accepted=("hysteresis",)), "right"),
-        (answer("poor", ("creep",), "explained", {"rotation": ()}, accepted=("hysteresis",)), "false confident"),
-        (answer("poor", ("creep",), "no_discrepancy", {}), "right"),
-        (answer("broken", (), "no_discrepancy", {}, ("the clocks differ by 2.0 s",), broken="clocks"), "exact right"),
-        (answer("broken", (), "explained", {"latency": ()}, broken="clocks"), "false confident"),
-        (answer("broken", (), "unrelated", {}, broken="another"), "right"),
-        (answer("broken", (), "explained", {"axis_gain": ()}, ("columns",), broken="milli", accepted=("axis_gain",)),
-         ""),
-        (answer("broken", (), "explained", {"axis_gain": ()}, ("in mN?",), broken="milli", accepted=("axis_gain",)),
-         "right"),
-    ],
-)  # fmt: skip
-def test_the_judge(given, expected):
-    found, words = judge(given), set(expected.split())
-    assert found.exact == ("exact" in words)
-    assert found.by_rival == ("by_rival" in words)
-    assert found.contained == bool({"contained", "exact"} & words or (not given.true and given.verdict != "unrelated"))
-    assert bool(found.false) == ("false" in words)
-    assert found.confident == ("confident" in words)
-    assert found.right == ("right" in words)
