@@ -18,7 +18,7 @@ from report_pages import check_pictures, pictures_of, recording
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.causes.vocabulary import cause
 from paxisim.diagnose.pipeline import diagnose
-from paxisim.diagnose.result import Symptoms
+from paxisim.diagnose.result import Interval, Symptoms
 from paxisim.errors import MissingExtraError
 
 CHROME = browser.find()
@@ -56,6 +56,25 @@ def section_of(page, name):
 
 def titles_of(page):
     return [title for title, _, _ in pictures_of(page)]
+
+
+@pytest.mark.parametrize(
+    ("gains", "explained", "words"),
+    [
+        ((0.76, 0.22), 0.99, "Explained by creep (76%) and axis gain (22%)"),
+        ((0.03, 0.02), 0.87, "Explained by creep and axis gain (87% together)"),
+        ((0.999, 0.0), 1.0, "Explained by creep (over 99%) and axis gain (0%)"),
+    ],
+)
+def test_the_headline_gives_the_gains_that_add_up(two, gains, explained, words):
+    names = ("creep", "axis_gain")
+    causes = tuple(
+        dataclasses.replace(own, name=name, gain=Interval(gain))
+        for own, name, gain in zip(two.causes, names, gains, strict=True)
+    )
+    heldout = dataclasses.replace(two.heldout, explained=Interval(explained))
+    found = dataclasses.replace(two, verdict="explained", causes=causes, heldout=heldout)
+    assert words in " ".join(str(found).split())
 
 
 def test_two_causes_each_with_its_pictures_and_figures(two, pages):

@@ -32,9 +32,9 @@ def gain_pictures(diagnosis: Result) -> list[Picture]:
 
 def percent(value: Interval | float) -> str:
     """Format a share in percent with its interval, without meaningless digits for a failing black box."""
-    if not isinstance(value, Interval):
-        return f"{value:.1%}" if value < 10 else "over 1000%"
-    return value.percent(digits=0)
+    if isinstance(value, Interval):
+        return value.percent(digits=0)
+    return f"{value:.1%}" if value < 10 else "over 1000%"
 
 
 def _sizes(heldout: HeldOut, extended: bool) -> Picture:

@@ -44,6 +44,7 @@ ONE_EPISODE_HEAD, ONE_EPISODE_TAIL = (
     "A single episode cannot confirm a cause. Record several episodes.",
 )
 IN_HEAD = 3  # causes that a headline names
+APART = 0.15  # difference between the sum of the gains and what all causes explain, above which gains do not add up
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
     "Confidence: how often the cause passes its test when episodes are resampled, divided among the cause and "
@@ -57,15 +58,18 @@ def is_of_one_episode(diagnosis: Result) -> bool:
 
 
 def headline(diagnosis: Result) -> str:
-    """Return what the diagnosis found, in a line: the causes with their rivals and gains, or that there is none."""
-    named = [
-        f"{' or '.join([cause.name, *cause.rivals]).replace('_', ' ')} ({percentage(cause.gain.value)})"
-        for cause in diagnosis.causes
-    ]
+    """Return what was found, in a line; causes that can take over much of one another are given their sum."""
+    named = [" or ".join([cause.name, *cause.rivals]).replace("_", " ") for cause in diagnosis.causes]
+    gains, explained = [cause.gain.value for cause in diagnosis.causes], diagnosis.heldout.explained
+    together = ""
+    if explained is None or abs(sum(gains) - explained.value) < APART * explained.value:
+        named = [f"{name} ({percentage(gain)})" for name, gain in zip(named, gains, strict=True)]
+    elif len(named) > 1:
+        together = f" ({percentage(explained.value)} together)"
     if len(named) > IN_HEAD:
         named[IN_HEAD - 1 :] = [f"{len(named) - IN_HEAD + 1} more causes"]
     joined = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
-    return (ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]).format(joined)
+    return (ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]).format(joined + together)
 
 
 def tail(diagnosis: Result) -> str:
