@@ -1,4 +1,4 @@
-"""Channels: how the reading of each channel responds to the simulated force, which are loaded, and which are silent."""
+"""Channels: which channels are loaded, and which are silent."""
 
 from __future__ import annotations
 
