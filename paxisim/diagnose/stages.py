@@ -81,9 +81,9 @@ def ready_for_search(
     tell("checking the recording", 0.0)
     if responses is not None:
         recording = with_frames(recording)
-    given = recording.measured
-    unmeasured = np.zeros(1, dtype=bool) if given is None else np.isnan(given).all(axis=0)  # as the recording says
-    recording, warnings = prepare(recording)
+    given = recording
+    recording, warnings = prepare(given)
+    unmeasured = np.isnan(given.measured).all(axis=0)  # type: ignore[arg-type]  # as the recording says
     doubtful, warning = recorded_doubts(recording)
     warnings = (warning, *warnings) if warning else warnings
     match = correspondence_of(recording, replayed=responses is not None or "replay" in recording.metadata)

@@ -55,7 +55,7 @@ def test_a_diagnosis_tolerates_as_much_as_the_steps_are_worth(replays):
     error = EncoderError.told_by(coarse)
     with_steps = problem_of(coarse)
     without = problem_of(coarse.with_simulated(coarse.simulated, replay={}))
-    more = with_steps.sigma**2 - without.sigma**2
+    more = with_steps.noise.sigma**2 - without.noise.sigma**2
     x = coarse.simulated.astype(float)
     np.testing.assert_allclose(more, error.variance(x), atol=1e-9)
     at_peak = int(np.argmax(x[:, :, 2].sum(axis=(1, 2, 3))))
