@@ -5,15 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem
+from paxisim.diagnose.data.problem import PRESSED_SHARE, Problem
 from paxisim.diagnose.rules import CHECKS
-
-
-def centred(values: FloatArray, where: NDArray[np.bool_] | bool = True) -> FloatArray:
-    """Values ``(T, ...)`` of an episode minus their mean over the frames in `where`; 0 in its other frames."""
-    where = np.broadcast_to(where, values.shape)
-    mean = np.sum(values, axis=0, where=where) / np.maximum(where.sum(axis=0), 1)
-    return np.where(where, values - mean, 0.0)
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:

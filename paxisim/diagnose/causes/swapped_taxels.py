@@ -12,7 +12,6 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.channels import centred
 from paxisim.diagnose.causes.kinds import DetectedCause, Reading
 from paxisim.diagnose.data.problem import FloatArray, Problem, with_noise
 from paxisim.diagnose.rules import CHECKS
@@ -61,7 +60,7 @@ def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, Float
     sums = []
     for span in problem.episodes:
         streams = problem.simulated[span, pad, axis], problem.measured[span, pad, axis]
-        x, y = (centred(values).reshape(len(values), -1) for values in streams)
+        x, y = ((values - values.mean(axis=0)).reshape(len(values), -1) for values in streams)
         sums.append((y.T @ x, np.sum(x * x, axis=0)[None], np.sum(y * y, axis=0)[:, None]))
     product, force, reading = (np.array(each) for each in zip(*sums, strict=True))
     gain = product.sum(axis=0) / np.maximum(force.sum(axis=0), 1e-12)

@@ -188,10 +188,6 @@ class Problem:
         """The problem restricted to every `stride`-th frame of each episode."""
         return self if stride == 1 else self._at(self.sampling.frames(stride))
 
-    def select(self, episodes: Sequence[int]) -> Problem:
-        """The problem restricted to these episodes, in the given order."""
-        return self._at([np.arange(len(self.time))[self.episodes[number]] for number in episodes])
-
     def _at(self, frames: Sequence[NDArray[np.intp]]) -> Problem:
         """The problem restricted to the given frames of each episode."""
         frames = [own for own in frames if len(own)]

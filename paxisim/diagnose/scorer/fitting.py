@@ -31,7 +31,7 @@ class Part:
     Attributes:
         values: Fitted values by cause, in the order of its `parameters`, or the array of a local cause.
         zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the curves of the zero offset.
-        shapes: Shape parameters of each cause with a course, by name.
+        shapes: Shape parameters of each cause of the baseline, by name.
         owners: Name of the cause that each curve belongs to.
     """
 
@@ -51,7 +51,7 @@ class Fit:
         folds: The fit to the complement of each fold.
         constant: ``(pads, 3, rows, cols)`` N or 0, a known constant offset that was not fitted.
         effects: By cause, the energy of its effect on the reading with the other causes unchanged, in units of the
-            noise; for a course, the energy of the offset that it adds.
+            noise; for a cause of the baseline, the energy of the offset that it adds.
         energy: ``(units,)`` squared residual of the fit to all episodes, in units of the noise.
         heldout: ``(units,)`` squared residual of each unit when held out, in units of the noise.
     """
@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def zeros(self) -> dict[str, FloatArray]:
-        """``(curves, pads, 3, rows, cols)`` N, the amplitudes of each course, by cause."""
+        """``(curves, pads, 3, rows, cols)`` N, the amplitudes of the curves of each cause of the baseline."""
         return {name: self.whole.zero[np.array(self.whole.owners) == name] for name in self.shapes}
 
     @property
@@ -206,7 +206,7 @@ class Fitter:
         return np.bincount(self.unit[known], square[known], len(self.fold)) * self.samples
 
     def _shapes(self, causes: Sequence[Cause], start: Fit | None, fold: int | None = None) -> Shapes:
-        """Shape parameters of each course; those of `start` are kept if it has the same courses."""
+        """Shape parameters of each cause of the baseline; those of `start` are kept if it has the same ones."""
         wanted = baseline_causes(causes)
         if start is not None and start.shapes.keys() == {c.name for c in wanted}:
             return dict(start.shapes)
@@ -268,7 +268,7 @@ def _part(squares: Squares, values: Fitted, zero: FloatArray, shapes: Shapes) ->
 
 
 def with_curves(rows: Problem, causes: Sequence[Cause], shapes: Shapes) -> Problem:
-    """The problem with the curves of the causes that have a course, in chain order."""
+    """The problem with the curves of the causes of the baseline, in chain order."""
     curves = {c.name: c.curves(rows, shapes[c.name]) for c in baseline_causes(causes)}
     if not curves:
         return replace(rows, curves=None)

@@ -132,11 +132,11 @@ class Squares:
         return residual, self._kept if known else self._slopes(values)  # type: ignore[return-value]
 
     def effects(self, values: Fitted, zero: FloatArray) -> dict[str, float]:
-        """Energy of each cause's effect on the residual, or of the offset that a course adds; call `linearised` first.
+        """Energy of each cause's effect on the residual, or of its zero offset; call `linearised` first.
 
         Args:
             values: Values by cause.
-            zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the courses.
+            zero: ``(curves, pads, 3, rows, cols)`` N, amplitudes of the zero offset's curves.
         """
         solved, out = self.model.solved, {}
         base = self.rows.read(self.prediction)
