@@ -64,8 +64,8 @@ def headline(diagnosis: Result) -> str:
     together = ""
     if explained is None or abs(sum(gains) - explained.value) < APART * explained.value:
         named = [f"{name} ({percentage(gain)})" for name, gain in zip(named, gains, strict=True)]
-    elif len(named) > 1:
-        together = f" ({percentage(explained.value)} together)"
+    else:
+        together = f" ({percentage(explained.value)}{' together' if len(named) > 1 else ''})"
     if len(named) > IN_HEAD:
         named[IN_HEAD - 1 :] = [f"{len(named) - IN_HEAD + 1} more causes"]
     joined = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
