@@ -54,7 +54,7 @@ def drawn(kind: str, rng: np.random.Generator, scene: Scene) -> tuple[str, Calla
     def read(force: Floats) -> Floats:
         if kind == "quantisation":
             return rounded(force[:, None], truth["step"], truth["form"])[:, 0]
-        out = np.concatenate([_press(apply, force, scene, own) for own in _presses(scene)])
+        out = _on_fine_clock(apply, force, scene)
         start = int(since * len(out))
         return np.concatenate([force[:start], out[start:]])
 
@@ -62,19 +62,15 @@ def drawn(kind: str, rng: np.random.Generator, scene: Scene) -> tuple[str, Calla
     return f"{truth.get('form', kind)}, strength {strength:.2f}{when}", read
 
 
-def _presses(scene: Scene) -> list[NDArray[np.int64]]:
-    return [np.flatnonzero(scene.episode == number) for number in np.unique(scene.episode)]
-
-
-def _press(apply: Callable, force: Floats, scene: Scene, own: NDArray[np.int64]) -> Floats:
-    """Return a press with the effect, which acts on a signal of 500 Hz."""
-    time = scene.time[own]
+def _on_fine_clock(apply: Callable, force: Floats, scene: Scene) -> Floats:
+    """Return the run of presses with the effect, which acts on a signal of 500 Hz and remembers earlier presses."""
+    time = scene.time
     fine = np.arange(time[0], time[-1] + DT, DT)
 
     def at(then: Floats, now: Floats, values: Floats) -> Floats:
         flat = values.reshape(len(values), -1)
         return np.stack([np.interp(then, now, c) for c in flat.T], axis=1).reshape(len(then), *values.shape[1:])
 
-    swing = np.interp(fine, time, scene.angle[own]) / np.abs(scene.angle).max()
+    swing = np.interp(fine, time, scene.angle) / np.abs(scene.angle).max()
     episode = Episode(float(time[0]), TRAVEL * (0.5 + 0.5 * swing), np.full(len(fine), 25.0))
-    return at(time, fine, apply(at(fine, time, force[own])[:, None], episode)[:, 0])
+    return at(time, fine, apply(at(fine, time, force)[:, None], episode)[:, 0])

@@ -12,6 +12,8 @@ from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import Parameter, check, is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, State, StatefulTransform
 
+NAMES = ("weight", "radius", "growth")
+
 
 @dataclass(frozen=True, eq=False)
 class Hysteresis(StatefulTransform):
@@ -19,15 +21,16 @@ class Hysteresis(StatefulTransform):
 
     ::
 
-        y = x + sum_m weight_m (p_m - x)        p_m <- max(x - radius_m, min(x + radius_m, p_m))
+        y = x + sum_m (weight_m + growth_m |x|) (p_m - x)        p_m <- max(x - radius_m, min(x + radius_m, p_m))
 
     A play p follows x at a distance of at most `radius` and stands still while x moves within that distance. It models
     dry friction between the gel's polymer chains, its fillers and its shell. The reading lags a rising load by ``sum
     weight radius`` and exceeds a falling one by the same amount. A load that oscillates with amplitude A traces a loop
     of area ``sum weight 4 radius max(0, A - radius)`` N^2. The model is rate-independent: only the turning points
     count, so neither `dt` nor the frames in between make a difference. Large loads keep the gain 1; small oscillations
-    within all radii have the gain ``1 - sum weight``. Each element and each axis is treated independently. Weights or
-    radii of 0 leave x unchanged.
+    within all radii have the gain ``1 - sum weight``. With a `growth`, friction increases with the load, and so does
+    the width of the loop. Each element and each axis is treated independently. Radii of 0, or weights and growths of 0,
+    leave x unchanged.
 
     A stream, also after `reset`, begins in the virgin state: as if x had gone straight from zero to the first frame.
 
@@ -46,55 +49,64 @@ class Hysteresis(StatefulTransform):
 
     Attributes:
         weight: ``(..., M)`` share of the load that passes through each play; the sum must not exceed 1.
-        radius: ``(..., M)`` half-width of each play (N). M may be 1 in one of the two.
+        radius: ``(..., M)`` half-width of each play (N).
+        growth: ``(..., M)`` increase of each weight per newton of load (1/N). M may be 1 in some of the three.
 
     Raises:
-        InvalidValueError: Also if the two have different numbers of plays, or the weights sum to more than 1.
+        InvalidValueError: Also if they have different numbers of plays, or the weights sum to more than 1.
     """
 
     stage: ClassVar[str] = "gel"
 
     weight: Any = parameter((0.0,), "m", low=0.0, high=1.0, typical=(0.05, 0.3))
     radius: Any = parameter((1.0,), "m", unit="N", low=0.0, typical=(0.1, 3.0))
+    growth: Any = parameter((0.0,), "m", unit="1/N", low=0.0, typical=(0.0, 0.02))
 
     def __post_init__(self) -> None:
         """Check the fields."""
         super().__post_init__()
-        modes = check_modes(self, "weight", "radius")
+        modes = check_modes(self, *NAMES)
         weight = self.weight if is_torch(self.weight) else np.asarray(self.weight, dtype=np.float64)
         total = weight.sum(-1) * (modes // weight.shape[-1])
         check("Hysteresis", "the sum of weight", total, Parameter(low=0.0, high=1 + 1e-6))
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
         """Return the positions of the plays (N), ``(*batch, M, pads, 3, rows, cols)``."""
-        virgin = namespace(x).zeros_like(over_modes(self, x, "weight", "radius"))
+        virgin = namespace(x).zeros_like(over_modes(self, x, *NAMES))
         return (self._play(each_mode(x), virgin),)
 
     def advance(self, x: Any, state: State, dt: Any, covariates: Covariates) -> tuple[Any, State]:
         """See `StatefulTransform.advance`."""
         frame = each_mode(x)
         play = self._play(frame, state[0])
-        return x + namespace(x).sum(self.broadcast_parameter("weight", frame) * (play - frame), axis=-5), (play,)
+        xp = namespace(x)
+        weight = self.broadcast_parameter("weight", frame) + self.broadcast_parameter("growth", frame) * xp.abs(frame)
+        return x + xp.sum(weight * (play - frame), axis=-5), (play,)
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
-        if is_torch(self.weight) or max(np.ndim(self.weight), np.ndim(self.radius)) > 1:
+        if is_torch(self.weight) or max(map(np.ndim, (self.weight, self.radius, self.growth))) > 1:
             return None
-        pairs = [(w, r) for w, r in np.broadcast(self.weight, self.radius) if w]
+        plays = [(w, r, g) for w, r, g in np.broadcast(self.weight, self.radius, self.growth) if w or g]
         y = x.copy()
-        if not pairs:
+        if not plays:
             return y
-        weight, radius = np.array(pairs, dtype=x.dtype).T
+        weight, radius, growth = np.array(plays, dtype=x.dtype).T
+        sizes = np.abs(x).reshape(len(x), -1) if growth.any() else None
         radius = radius.reshape(-1, *[1] * (x.ndim - 1))
-        play, bound = np.zeros((2, len(pairs), *x.shape[1:]), dtype=x.dtype)
-        lags = bound.reshape(len(pairs), -1)
-        for frame, out in zip(x, y.reshape(len(y), -1), strict=True):  # all plays at once, in buffers that stay cached
+        play, bound = np.zeros((2, len(plays), *x.shape[1:]), dtype=x.dtype)
+        lags = bound.reshape(len(plays), -1)
+        for n, (frame, out) in enumerate(
+            zip(x, y.reshape(len(y), -1), strict=True)
+        ):  # all plays at once, in buffers that stay cached
             np.add(frame, radius, out=bound)
             np.minimum(play, bound, out=play)
             np.subtract(frame, radius, out=bound)
             np.maximum(play, bound, out=play)
             np.subtract(play, frame, out=bound)
             out += weight @ lags
+            if sizes is not None:
+                out += sizes[n] * (growth @ lags)
         return y
 
     def _play(self, frame: Any, play: Any) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.data.repeats import one_speed
 from paxisim.diagnose.scorer.scorer import Scorer
 
 
@@ -33,17 +34,25 @@ def confirmed(scorer: Scorer, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def rivals_in_place(scorer: Scorer, names: Sequence[str], name: str) -> tuple[str, ...]:
-    """Causes whose held-out error in place of `name`, one of the causes `names`, is hardly larger, best first."""
+    """Causes whose held-out error in place of `name`, one of the causes `names`, is hardly larger, best first.
+
+    If all loads have the same speed, one memory effect may imitate another, and more of the gain is tolerated.
+    """
     rules = scorer.rules
+    memories = [n for n, c in scorer.causes.items() if c.remembers and one_speed(scorer.problem)]
     fit, rest = scorer.fit(names), tuple(n for n in names if n != name)
     gain = float((scorer.without(names, name).heldout - fit.heldout).sum())
     near = {}
-    for other in [other for _, other in scorer.ranked(rest)[: rules.contest + 1] if other != name]:
+    promising = [other for _, other in scorer.ranked(rest)[: rules.contest + 1]]
+    for other in dict.fromkeys((*promising, *(n for n in memories if name in memories and n not in names))):
+        if other == name:
+            continue
         own = scorer.fit((*rest, other), scorer.fit(rest))
         worse = float((own.heldout - fit.heldout).sum())
         allowed = scorer.causes[name].misfit * fit.effects.get(name, 0.0)
         allowed += scorer.causes[other].misfit * own.effects.get(other, 0.0)
-        limit = scorer.material + allowed + rules.tie * max(gain, 0.0)
+        tie = rules.untold if {name, other} <= {*memories} else rules.tie
+        limit = scorer.material + allowed + tie * max(gain, 0.0)
         if worse < limit and scorer.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))

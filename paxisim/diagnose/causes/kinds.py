@@ -124,6 +124,7 @@ class Cause:
             the end.
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
+        remembers: Whether only motions at several speeds surely separate the cause from other memory effects.
     """
 
     name: str
@@ -138,6 +139,7 @@ class Cause:
     nuisance: bool = False
     tacit: bool = False
     of_replay: str = ""
+    remembers: bool = False
 
     @property
     def in_scene(self) -> bool:
@@ -182,7 +184,6 @@ class FittedCause(Cause):
         gauge: Gain that the calibration convention adds, if any.
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
-        remembers: Whether only motions at several speeds separate the cause from other memory effects.
     """
 
     make: Callable[[Values, Problem], Transform]
@@ -192,7 +193,6 @@ class FittedCause(Cause):
     parts: tuple[CausePart, ...] = ()
     gauge: Gauge | None = None
     size: Callable[[Values, Problem], float] | None = None
-    remembers: bool = False
 
     @property
     def in_scene(self) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,23 +100,3 @@ def one_speed(problem: Problem) -> bool:
         if len(fall):
             speeds.append((high - low) / max(time[fall[0] + 1] - time[over[-1]], 1e-9))
     return len(speeds) >= 2 and max(speeds) < STREAMS.speeds * min(speeds)
-
-
-def with_untold(
-    problem: Problem, rivals: Mapping[str, tuple[str, ...]], remembering: Sequence[str]
-) -> Mapping[str, tuple[str, ...]]:
-    """The rivals, plus memory effects that only other speeds could separate.
-
-    Args:
-        problem: The recording.
-        rivals: Rivals of each named cause.
-        remembering: Names of the memory effects in the search, which only motions at several speeds can separate.
-    """
-    if not one_speed(problem):
-        return rivals
-    out = dict(rivals)
-    for name in remembering:
-        if name in rivals:
-            others = [other for other in remembering if other != name]
-            out[name] = tuple(dict.fromkeys([*rivals[name], *others]))
-    return out

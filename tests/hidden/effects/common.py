@@ -63,22 +63,23 @@ def smooth(rng, pad, *shape):
     return values / values.std(axis=-1, keepdims=True).clip(1e-9)
 
 
-def forms(*usual, further=()):
+def forms(*usual, further=(), rare=()):
     """Decorate an effect that has several forms: one is drawn or requested, and stored in its truth.
 
-    Only `usual` forms are drawn: drawing a form that was written later would change the recordings of all seeds.
+    Only `usual` forms are drawn: drawing a form that was written later would change the recordings of all seeds. The
+    family "broad" draws `further` forms, too; those in `rare` must be requested.
     """
 
     def given(effect):
         @functools.wraps(effect)
         def drawn(rng, pad, strength, form=None):
             own = usual[rng.integers(len(usual))]  # always drawn, so that later draws do not depend on `form`
-            if form is not None and form not in drawn.forms:
-                raise ValueError(f"{effect.__name__} has the forms {drawn.forms}, got {form!r}")
+            if form is not None and form not in (*drawn.forms, *rare):
+                raise ValueError(f"{effect.__name__} has the forms {(*drawn.forms, *rare)}, got {form!r}")
             apply, truth = effect(rng, pad, strength, form or own)
             return apply, {"form": form or own, **truth}
 
-        drawn.usual, drawn.forms = usual, (*usual, *further)
+        drawn.usual, drawn.forms, drawn.rare = usual, (*usual, *further), rare
         return drawn
 
     return given

@@ -1,12 +1,15 @@
 """Effects with memory: creep, hysteresis, low-pass and latency."""
 
 import numpy as np
-from scipy.signal import bessel, lfilter, sosfilt
+from scipy.signal import bessel, fftconvolve, lfilter, sosfilt
 
 from hidden.effects.common import DT, between, forms
 
 
-@forms("two_modes", "one_mode", "many_modes", further=("power_law",))
+@forms(
+    "two_modes", "one_mode", "many_modes", further=("power_law",),
+    rare=("logarithmic", "stretched", "grows_with_load", "slow_recovery", "by_axis"),
+)  # fmt: skip
 def creep(rng, pad, strength, form):
     """Creep, calibrated at once (`held` 0), under held loads (`held` 1), or in between."""
     total = between(0.02, 0.25, strength)
@@ -21,17 +24,48 @@ def creep(rng, pad, strength, form):
         weights = s / (s**2 + 2 * s * np.cos(order * np.pi) + 1)
         parts = weights.sum() / weights
 
-    def apply(f, e):
+    if form == "stretched":  # relaxation exp(-(t / tau)^0.5), as a sum of exponentials
+        parts = 1 / (rates := np.exp(-(np.log(spread) ** 2) / 4)) * rates.sum()
+    axes = np.array([1.6, 1.6, 0.7]) if form == "by_axis" else np.ones(3)
+
+    def relax(f):
         relaxed = np.zeros_like(f)
         for t, part in zip(tau * spread, parts, strict=True):
             a = np.exp(-DT / t)
             relaxed += lfilter([1 - a], [1, -a], f, axis=0) / part
-        return f + total * (relaxed - held * f)
+        return relaxed
+
+    def apply(f, e):
+        if form == "logarithmic":  # the compliance grows with log(1 + t / tau) up to 30 s
+            ages = DT * np.arange(len(f))
+            rise = np.log1p(ages / (0.1 * tau)) / np.log1p(30 / (0.1 * tau))
+            relaxed = fftconvolve(np.diff(f, axis=0, prepend=0 * f[:1]), rise.reshape(-1, *[1] * (f.ndim - 1)), axes=0)
+            relaxed = relaxed[: len(f)]
+        elif form == "grows_with_load":
+            relaxed = relax(f * np.sqrt(np.abs(f) / (0.5 * pad.peak)))
+        elif form == "slow_recovery":
+            relaxed = _one_way(f, tau, 3 * tau)
+        else:
+            relaxed = relax(f)
+        return f + total * axes[:, None] * (relaxed - held * f)
 
     return apply, {"amount": total, "tau": tau, "held": held}
 
 
-@forms("bouc_wen", "play", "return_curves", further=("preisach",))
+def _one_way(f, rising, falling):
+    """Return `f` smoothed with one time constant while its size grows and with another while it falls."""
+    q, out = np.zeros(f.shape[1:]), np.empty_like(f)
+    fast, slow = 1 - np.exp(-DT / rising), 1 - np.exp(-DT / falling)
+    for i in range(len(f)):
+        q = q + np.where(np.abs(f[i]) > np.abs(q), fast, slow) * (f[i] - q)
+        out[i] = q
+    return out
+
+
+@forms(
+    "bouc_wen", "play", "return_curves", further=("preisach",),
+    rare=("dahl", "signed_relays", "of_amplitude", "friction", "whole_pad", "unloading_power"),
+)  # fmt: skip
 def hysteresis(rng, pad, strength, form):
     """A loop of given width, with a gain that calibrates small signals, the full load or the middle of the loop.
 
@@ -44,14 +78,18 @@ def hysteresis(rng, pad, strength, form):
     thresholds = np.linspace(0.05, 2.0, 12) * scale
     weights = np.exp(-thresholds / rng.uniform(0.5, 1.5) / scale)
     right_at = ("small", "full", "middle")[rng.integers(3)]
-    operators = (_bouc_wen, _play, _return_curves, _preisach)
+    operators = (
+        _bouc_wen, _play, _return_curves, _preisach, _dahl, _signed_relays, _of_amplitude, _friction, _whole_pad,
+        _unloading_power,
+    )  # fmt: skip
     state = {operator.__name__[1:]: operator for operator in operators}[form]
 
     def loop(f):
         return state(f, scale, beta, n, thresholds, weights, pad.peak)
 
     way = np.linspace(0, 1, 501)
-    triangle = loop((pad.peak * np.r_[way, way[-2::-1], way[1:], way[-2::-1]])[:, None])[:, 0]
+    triangle = pad.peak * np.r_[way, way[-2::-1], way[1:], way[-2::-1]]
+    triangle = loop(np.tile(triangle[:, None, None, None], (1, 1, 3, 1)))[:, 0, 2, 0]
     size = width * pad.peak / (triangle[1250] - triangle[1750])
     lag = {"small": triangle[1] * 500, "full": triangle[1500], "middle": triangle[1250] + triangle[1750]}[right_at]
     gain = 1 + size * lag / pad.peak
@@ -104,6 +142,61 @@ def _preisach(f, scale, beta, n, thresholds, weights, peak):
         on = np.minimum(np.maximum(on, np.clip((size[i] - up) * 4, 0, 1)), np.maximum((size[i] - down) * 4, 0))
         out[i] = (density * on).sum(axis=0)
     return f / peak - np.sign(f) * out
+
+
+def _dahl(f, scale, beta, n, thresholds, weights, peak):
+    """Return Dahl's friction state, whose stiffness falls with the square of the distance from its limit."""
+    z, out = np.zeros(f.shape[1:]), np.empty_like(f)
+    for i, step in enumerate(np.diff(f, axis=0, prepend=f[:1]) / scale):
+        z = np.clip(z + step * (1 - np.sign(step) * z) ** 2, -1, 1)
+        out[i] = z
+    return out
+
+
+def _signed_relays(f, scale, beta, n, thresholds, weights, peak):
+    """Return how far a Preisach plane over both signs lags behind the same plane without loops."""
+    centre, half = np.meshgrid(np.linspace(-0.9, 0.9, 9), np.linspace(0.04, 0.4, 5))
+    density = np.exp(-((centre / 0.6) ** 2) - ((half - 0.15) / 0.15) ** 2)
+    centre, half, density = (v.reshape(-1, *(1,) * (f.ndim - 1)) for v in (centre, half, density / density.sum()))
+    at, out, x = np.zeros((centre.size, *f.shape[1:])), np.empty_like(f), f / peak
+    for i in range(len(f)):
+        at = np.clip(at, x[i] - half, x[i] + half)
+        out[i] = (density * (np.clip(x[i] - centre, -0.2, 0.2) - np.clip(at - centre, -0.2, 0.2))).sum(axis=0)
+    return out
+
+
+def _of_amplitude(f, scale, beta, n, thresholds, weights, peak):
+    """Return the lag of plays whose thresholds are spread over three decades, so that loops of all sizes are alike."""
+    thresholds = np.geomspace(2e-3, 2, 16) * peak
+    return _play(f, scale, beta, n, thresholds, np.ones(16), peak)
+
+
+def _friction(f, scale, beta, n, thresholds, weights, peak):
+    """Return the lag of a contact with dry friction: the threshold of each taxel is a share of its normal force."""
+    at, out = np.zeros(f.shape[1:]), np.empty_like(f)
+    for i in range(len(f)):
+        limit = (0.03 + 0.3 * np.abs(f[i, :, 2:])) * scale / peak / 0.25
+        at = np.clip(at, f[i] - limit, f[i] + limit)
+        out[i] = f[i] - at
+    return out
+
+
+def _whole_pad(f, scale, beta, n, thresholds, weights, peak):
+    """Return a state of the whole layer, which follows the sum of its loads, times each taxel's own load."""
+    total = np.abs(f[:, :, 2]).sum(axis=-1)[:, :, None, None]
+    top = max(float(total.max()), 1e-9)
+    return f / peak * _bouc_wen(total / top, 0.25, beta, n, thresholds, weights, peak)
+
+
+def _unloading_power(f, scale, beta, n, thresholds, weights, peak):
+    """Return the lag of unloading along a power of the share of the largest load since the last contact."""
+    top, out = np.zeros(f.shape[1:]), np.empty_like(f)
+    for i in range(len(f)):
+        size = np.abs(f[i])
+        top = np.where(size < 1e-3 * peak, 0.0, np.maximum(top, size))
+        share = size / np.maximum(top, 1e-9)
+        out[i] = np.sign(f[i]) * top * (share**1.0 - share**0.6)
+    return out
 
 
 @forms("two_poles", "one_pole", "moving_average", further=("bessel", "hann"))
