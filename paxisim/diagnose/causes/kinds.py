@@ -101,6 +101,23 @@ class CausePart:
     words: str
 
 
+@dataclass(frozen=True)
+class Derived:
+    """A number that a reader understands, computed from the parameters of a cause.
+
+    Attributes:
+        name: Name in reports.
+        unit: Unit, ``"1"`` if dimensionless.
+        of: Function that returns the number, given the cause's parameters and the recording.
+        words: Explanation in a few words.
+    """
+
+    name: str
+    unit: str
+    of: Callable[[Values, Problem], float]
+    words: str
+
+
 def _always(problem: Problem) -> str:
     return ""
 
@@ -178,8 +195,11 @@ class FittedCause(Cause):
         free: Function that returns the parameters to fit, given the problem.
         starts: Function that returns starting values of the fit, one set for each form that the effect may take.
             Together they should span the effect while it is small, because candidates are ranked by them.
+        basis: For a transform linear in its own parameters: function that returns their effects at 1 on a force (N).
+            They are computed once for each force instead of once for each change of a parameter.
         change: For a cause inside the scene: function that returns the change of the simulated force (N). It replaces
             the transform.
+        derived: Numbers that a reader understands, which are reported before the parameters.
         parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
         gauge: Gain that the calibration convention adds, if any.
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
@@ -189,7 +209,9 @@ class FittedCause(Cause):
     make: Callable[[Values, Problem], Transform]
     free: Callable[[Problem], tuple[Free, ...]]
     starts: Callable[[Problem], Sequence[Values]] = _no_starts
+    basis: Callable[[Problem, NDArray[np.floating]], Sequence[NDArray[np.floating]]] | None = None
     change: Callable[[Values, Problem], FloatArray] | None = None
+    derived: tuple[Derived, ...] = ()
     parts: tuple[CausePart, ...] = ()
     gauge: Gauge | None = None
     size: Callable[[Values, Problem], float] | None = None
@@ -205,19 +227,31 @@ class FittedCause(Cause):
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, including those of the gauge."""
-        numbers = [float(v) for v in values]
-        if self.gauge is None:
-            return self.make(numbers, problem)
-        count = len(self.gauge.free)
-        own, shares = numbers[:-count], numbers[-count:]
+        own, gain = self._parted(values, problem)
         made = self.make(own, problem)
-        gain = 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
-        if np.all(gain == 1):
+        if self.gauge is None or np.all(gain == 1):
             return made
         after: Transform = augment.AxisGain(tuple(gain))
         if STAGES.index(made.stage) > STAGES.index(after.stage):  # the gain is part of the calibration
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
+
+    def _parted(self, values: FloatArray, problem: Problem) -> tuple[list[float], FloatArray]:
+        """The values without those of the gauge, and the ``(3,)`` gain of the gauge."""
+        own = [float(v) for v in values]
+        if self.gauge is None:
+            return own, np.ones(3)
+        count = len(self.gauge.free)
+        own, shares = own[:-count], own[-count:]
+        return own, 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
+
+    def combined(
+        self, x: NDArray[np.floating], basis: NDArray[np.floating], values: FloatArray, problem: Problem
+    ) -> NDArray[np.floating]:
+        """The same as `on`, given the `basis` of `x`."""
+        own, gain = self._parted(values, problem)
+        y = x + np.tensordot(np.asarray(own, dtype=basis.dtype), basis, 1)
+        return y if np.all(gain == 1) else y * gain.astype(y.dtype)[:, None, None]
 
     def on(self, x: NDArray[np.floating], values: FloatArray, problem: Problem, frames: Problem) -> FloatArray:
         """Apply the cause to a force.
@@ -236,6 +270,8 @@ class FittedCause(Cause):
         """See `Cause.effects`: the effect at each of its starts."""
         if self.change is not None:
             return [self.change(start, problem) for start in self.starts(problem)]
+        if self.basis is not None:
+            return list(self.basis(problem, x))  # type: ignore[arg-type]
         return [problem.run(self.make(start, problem), x) - x for start in self.starts(problem)]
 
     def has_memory(self, problem: Problem) -> bool:

@@ -157,6 +157,11 @@ class Problem:
         """Frames that suffice for a fit, and to compare a prediction."""
         return Sampling(self.episodes, self.simulated, self.weight, self.interval, self.samples)
 
+    @cached_property
+    def bases(self) -> dict[tuple[str, int], NDArray[np.floating]]:
+        """Bases of causes on the simulated force, by name and number of frames; `Model` fills it."""
+        return {}
+
     @property
     def thinned(self) -> Problem:
         """The problem restricted to the frames that suffice for a fit."""

@@ -13,7 +13,7 @@ MAX_TAXELS = 12  # taxels per axis
 MAX_ROWS = 12_000  # training samples per axis
 MAX_FRAMES = 4000  # most frames that are evaluated
 LAGS = (1, 2, 4, 8)  # frames
-FOLDS = 8
+FOLDS = 4
 
 
 def ceiling(problem: Problem, simulated: FloatArray, seed: int, jobs: int = 1) -> tuple[FloatArray | None, str]:

@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, PerChannelCause
+from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, Free, PerChannelCause
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
@@ -27,6 +27,7 @@ from paxisim.diagnose.scorer.fitting import with_curves
 _FEWEST = 3  # episodes that give an interval
 _LEVELS, _PER_OCTAVE = 64, 8  # force levels, counted down from the peak, and levels per octave
 _LEAST_REST = 5  # fewest frames at rest in an episode
+DERIVED_STEP = 0.01  # change of a parameter for the gradient of a derived number, in units of its scale
 _NOISES = (0.6, 1.0, 1.5)  # plausible noise of a channel, relative to the usual noise
 
 
@@ -40,7 +41,11 @@ def parameters_of(found: Explanation) -> Mapping[str, tuple[FittedParameter, ...
 def _parameters(
     found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float], has_intervals: bool
 ) -> Iterator[FittedParameter]:
-    """The scalar parameters of a cause, and each element of its arrays."""
+    """The numbers derived from a cause's parameters, its scalar parameters, and each element of its arrays."""
+    for own in named.cause.derived if isinstance(named.cause, FittedCause) else ():
+        number, reach = own.of(list(named.values.values()), found.problem), spreads.get((named.name, own.name))
+        interval = Interval(number) if reach is None else Interval(number, number - reach, number + reach)
+        yield FittedParameter(own.name, own.unit, interval, own.words)
     free = {item.name: item for item in named.cause.parameters(found.problem)}
     for name, value in named.values.items():
         array, item = np.asarray(value, dtype=float), free.get(name)
@@ -78,7 +83,7 @@ def _half_width(found: Explanation, named: Named, name: str) -> FloatArray | Non
 
 
 def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
-    """Half-width of the interval of each parameter.
+    """Half-width of the interval of each parameter, and of each number that is derived from them.
 
     The variance is cluster-robust. Errors that are correlated within an episode, a channel or a force level do not
     average out, so the scores of each cluster are summed before they are squared. Force levels account for a fitted
@@ -93,17 +98,37 @@ def _spreads(found: Explanation) -> dict[tuple[str, str], float]:
     residual, slopes = residual.reshape(frames, -1), slopes.reshape(len(free), frames, -1)
     flat = slopes.reshape(len(free), -1)
     inverse = np.linalg.pinv(flat @ flat.T + np.diag(squares.prior), rcond=1e-9, hermitian=True)
+    derived, gradients = _derived(found, free)
+    numbers = np.concatenate([np.eye(len(free)), gradients])
+    inverse = numbers @ inverse
     variance, degrees = _clustered(rows, residual, slopes, inverse)
     errors = [rows.noise.tolerance.place * change / 2 for change in differences(prediction)]
     for error in errors if rows.scene is None else (*errors, *replay_errors(rows, prediction)):
         effect = rows.weigh(error).reshape(frames, -1)
         variance += (inverse @ np.einsum("atc,tc->a", slopes, effect)) ** 2
     if rows.scene is not None:
-        variance += CORRELATED_SAMPLES * np.diag(inverse)
+        variance += CORRELATED_SAMPLES * np.sum(inverse * numbers, axis=1)
     reach = np.sqrt(variance) * student.ppf(0.5 + CONFIDENCE_LEVEL / 2, degrees)
     strength = np.sum(flat**2, axis=1)
     seen = strength > 1e-9 * strength.max()
-    return {(n, f.name): float(r * f.scale) for (n, _, f), r, shows in zip(free, reach, seen, strict=True) if shows}
+    known = {(n, f.name): float(r * f.scale) for (n, _, f), r, shows in zip(free, reach, seen, strict=False) if shows}
+    return known | {key: float(r) for key, r in zip(derived, reach[len(free) :], strict=True)}
+
+
+def _derived(found: Explanation, free: Sequence[tuple[str, int, Free]]) -> tuple[list[tuple[str, str]], FloatArray]:
+    """The cause and name of each derived number, and its ``(numbers, free)`` gradient per unit of the scales."""
+    keys, rows = [], []
+    for item in (c for c in found.fit.causes if isinstance(c, FittedCause)):
+        values = found.fit.whole.values[item.name]
+        for own in item.derived:
+            now, row = own.of(values, found.problem), np.zeros(len(free))  # type: ignore[arg-type]
+            for place, (name, index, about) in enumerate(free):
+                if name == item.name:
+                    step = DERIVED_STEP * about.scale * np.eye(len(values))[index]
+                    row[place] = (own.of(values + step, found.problem) - now) / DERIVED_STEP
+            keys.append((item.name, own.name))
+            rows.append(row)
+    return keys, np.reshape(rows, (len(rows), len(free)))
 
 
 def _clustered(
@@ -166,7 +191,8 @@ def model_intervals(
     """
     intervals = {}
     for named in found.named:
-        own = [p for p in fitted[named.name] if p.value.low is not None]
+        derived = {number.name for number in named.cause.derived} if isinstance(named.cause, FittedCause) else ()
+        own = [p for p in fitted[named.name] if p.value.low is not None and p.name not in derived]
         if not own or named.cause.in_scene:
             continue
         if isinstance(named.cause, BaselineCause):  # its amplitudes are the transform's

@@ -51,6 +51,7 @@ class Model:
         self._simulated = problem.simulated.astype(np.float32) if self._dropped else problem.simulated
         self._into: list[NDArray[np.floating]] = []
         self._zero: FloatArray | float = 0.0
+        self._last: tuple[NDArray[np.floating] | None, NDArray[np.floating] | None] = None, None  # a force, its basis
         self.solved: Fitted = {}
 
     def run(self, values: Fitted, zero: FloatArray | None, begin: str = "", skip: bool = False) -> FloatArray:
@@ -91,15 +92,35 @@ class Model:
                     solved[stage.name] = self._solve(stage, number, x, values, solved.get(stage.name))
                 x = self.rows.run(stage.make(solved[stage.name], self.rows), x)
                 continue
-            own = self.rows if number >= self._dropped else self.problem
-            x = stage.on(x, values[stage.name], self.problem, own)
+            x = self._applied(stage, number, x, values[stage.name])
         self.solved = solved
         return self._compared(x)
 
+    def _applied(
+        self, stage: FittedCause, number: int, x: NDArray[np.floating], values: FloatArray
+    ) -> NDArray[np.floating]:
+        """Apply a cause; where it is the last with memory, a known basis is combined at the compared frames only."""
+        if stage.basis is None or number + 1 != self._dropped:
+            return stage.on(x, values, self.problem, self.rows if number >= self._dropped else self.problem)
+        own, key = x is self._simulated, (stage.name, len(self.rows.time))
+        before, basis = (x, self.problem.bases.get(key)) if own else self._last
+        if before is not x:  # a force that may not come again
+            self._last = x, None
+            return stage.on(x, values, self.problem, self.problem)
+        if basis is None:
+            basis = np.stack([self._at_rows(effect) for effect in stage.basis(self.problem, x)])
+            self._last = x, basis
+            if own:
+                self.problem.bases[key] = basis
+        return stage.combined(self._at_rows(x), basis, values, self.problem)
+
+    def _at_rows(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
+        """The compared frames of `x`."""
+        return x if len(x) == len(self.rows.time) else self.problem.at_compared(x)
+
     def _compared(self, x: NDArray[np.floating]) -> FloatArray:
         """The compared frames of `x`, in double precision."""
-        x = x if len(x) == len(self.rows.time) else self.problem.at_compared(x)
-        return x.astype(np.float64, copy=False)
+        return self._at_rows(x).astype(np.float64, copy=False)
 
     def _solve(
         self, stage: PerChannelCause, number: int, x: FloatArray, values: Fitted, near: FloatArray | None
