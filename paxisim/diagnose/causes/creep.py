@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Gauge
+from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
+
+GROWTH_MEANING = "by how much the creeping share is larger at the peak than at small loads, relative to it"
 
 SLOW_MEANING = "share of the amplitude with time constant tau_2; the rest has tau_1"
 
@@ -34,24 +36,30 @@ def _free(problem: Problem) -> tuple[Free, ...]:
         Free("tau_1", "s", 0.6, MIN_TAU, min(20.0, slowest), 0.4),
         Free("share_2", "1", 0.0, 0.0, 1.0, 0.3, words=SLOW_MEANING),
         Free("tau_2", "s", min(5.0, slowest), MIN_TAU, slowest, 3.0),
+        Free("calibrated_held", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=HELD_MEANING),  # the gauge
+        Free("growth", "1", 0.0, -0.5, 2.0, 0.3, spread=0.5, words=GROWTH_MEANING),
     )
 
 
 def _starts(problem: Problem) -> list[tuple[float, ...]]:
     slowest = _slowest(problem)
     taus = [tau for tau in (0.3, 1.0, 3.0, 10.0) if tau <= slowest]
-    return [(0.1, tau, 0.0, min(5.0, slowest) if tau < 3 else 0.5) for tau in taus]
+    return [(0.1, tau, 0.0, min(5.0, slowest) if tau < 3 else 0.5, held, 0.0) for tau in taus for held in (0.0, 1.0)]
+
+
+def _make(values: Values, problem: Problem) -> augment.Creep:
+    amplitude, tau, share, slower, held, growth = values
+    return augment.Creep((amplitude * (1 - share), amplitude * share), (tau, slower), held, growth / problem.peak)
 
 
 # The two modes share one amplitude: modes of opposite signs would cancel and fit effects other than creep.
 CREEP = FittedCause(
     name="creep",
     order=20,
-    make=lambda v, p: augment.Creep((v[0] * (1 - v[2]), v[0] * v[2]), (v[1], v[3])),
+    make=_make,
     excites="holds",
     free=_free,
     starts=_starts,
-    gauge=Gauge("calibrated_held", lambda v, p: 1 / max(1 + v[0], 0.2), HELD_MEANING),
     remembers=True,
     misfit=0.01,
     words="The reading keeps changing under a constant load and recovers slowly after release.",
