@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from paxisim.augment.low_pass import lag, lag_sequence
 from paxisim.augment.modes import check_modes, each_mode, over_modes
-from paxisim.augment.parameter_spec import is_torch, namespace, parameter
+from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
 
@@ -92,6 +92,6 @@ class Creep(StatefulTransform):
         return y
 
     def _drive(self, x: Any) -> Any:
-        if not is_torch(self.growth) and not np.any(self.growth):
+        if isinstance(self.growth, (int, float)) and self.growth == 0:
             return x
         return x * (1 + self.broadcast_parameter("growth", x) * namespace(x).abs(x))

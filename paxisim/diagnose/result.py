@@ -27,9 +27,9 @@ Verdict = Literal[
 
 
 def percentage(share: float, digits: int = 0) -> str:
-    """Format a share in percent; what is all of something to within its error is "over 99%", never "100%"."""
+    """Format a share in percent; all of something is "over 99%", as is more than all, by the error of the noise."""
     step = 10.0 ** -(digits + 2)
-    return f"over {1 - step:.{digits}%}" if 1 - step / 2 <= share <= 1.005 else f"{share:.{digits}%}"
+    return f"over {1 - step:.{digits}%}" if share >= 1 - step / 2 else f"{share:.{digits}%}"
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ class Rules:
         promise: Smallest linearised gain for which a candidate is fitted, as a share of the materiality threshold.
         most: Largest number of causes.
         tie: Share of a cause's gain by which a rival may be worse, because no form is known more precisely.
-        untold: The same for two memory effects if all loads have the same speed.
         near_miss: Share of the required gain above which a cause that is not named is mentioned.
         explains: Smallest share of the explainable error that the named causes together must explain if clear structure
             remains in the residual.
@@ -58,7 +57,6 @@ class Rules:
     promise: float = 0.3
     most: int = 4
     tie: float = 0.01
-    untold: float = 0.2
     near_miss: float = 0.6
     explains: float = 0.2
     half: float = 0.1

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from paxisim.diagnose.causes.kinds import FittedCause
-from paxisim.diagnose.data.repeats import one_speed
 from paxisim.diagnose.scorer.scorer import Scorer
 
 
@@ -34,25 +33,17 @@ def confirmed(scorer: Scorer, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def rivals_in_place(scorer: Scorer, names: Sequence[str], name: str) -> tuple[str, ...]:
-    """Causes whose held-out error in place of `name`, one of the causes `names`, is hardly larger, best first.
-
-    If all loads have the same speed, one memory effect may imitate another, and more of the gain is tolerated.
-    """
+    """Causes whose held-out error in place of `name`, one of the causes `names`, is hardly larger, best first."""
     rules = scorer.rules
-    memories = [n for n, c in scorer.causes.items() if c.remembers and one_speed(scorer.problem)]
     fit, rest = scorer.fit(names), tuple(n for n in names if n != name)
     gain = float((scorer.without(names, name).heldout - fit.heldout).sum())
     near = {}
-    promising = [other for _, other in scorer.ranked(rest)[: rules.contest + 1]]
-    for other in dict.fromkeys((*promising, *(n for n in memories if name in memories and n not in names))):
-        if other == name:
-            continue
+    for other in [other for _, other in scorer.ranked(rest)[: rules.contest + 1] if other != name]:
         own = scorer.fit((*rest, other), scorer.fit(rest))
         worse = float((own.heldout - fit.heldout).sum())
         allowed = scorer.causes[name].misfit * fit.effects.get(name, 0.0)
         allowed += scorer.causes[other].misfit * own.effects.get(other, 0.0)
-        tie = rules.untold if {name, other} <= {*memories} else rules.tie
-        limit = scorer.material + allowed + tie * max(gain, 0.0)
+        limit = scorer.material + allowed + rules.tie * max(gain, 0.0)
         if worse < limit and scorer.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))
@@ -160,7 +151,9 @@ def _by_merit(scorer: Scorer, sets: Sequence[tuple[str, ...]]) -> list[tuple[str
         causes = [scorer.causes[n] for n in names]
         left = scorer.objective(names)
         plain = all(c.nuisance or isinstance(c, FittedCause) for c in causes)
-        numbers = sum(len(c.parameters(scorer.problem)) for c in causes)
+        numbers = sum(
+            c.complexity(scorer.problem) if c.complexity else len(c.parameters(scorer.problem)) for c in causes
+        )
         return (numbers, left) if left < least and plain else (np.inf, left)
 
     return sorted(sets, key=merit)

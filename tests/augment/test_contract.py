@@ -91,7 +91,7 @@ def test_extreme_steps_and_time_constants_give_finite_readings(name):
 
 
 LINEAR = [
-    *("AxisCoupling", "AxisGain", "Chain", "Creep", "Crosstalk", "GelOperator", "Latency", "LayoutFault", "LowPass"),
+    *("AxisCoupling", "AxisGain", "Chain", "Crosstalk", "GelOperator", "Latency", "LayoutFault", "LowPass"),
     *("PadAxisGain", "Poisson", "Rotation", "SampleAndHold", "SwappedTaxels", "TaxelGain"),
 ]
 

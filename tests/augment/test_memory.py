@@ -145,6 +145,26 @@ def test_the_loop_closes_and_has_the_area_it_should():
     assert width.max() == pytest.approx(2 * (0.1 * 0.3 + 0.2 * 0.8))
 
 
+def test_friction_that_grows_with_the_load_widens_the_loop():
+    radius, growth = 0.4, 0.05
+    x = np.concatenate([cycle(0, 3.0), cycle(0, 3.0)])
+    y = respond(Hysteresis((0.0,), (radius,), (growth,)), x, np.arange(len(x)))
+    loading, unloading = y[99:149], y[148:][::-1][: len(y[99:149])]
+    inside = (x[99:149] > 2 * radius) & (x[99:149] < 3.0 - 2 * radius)
+    np.testing.assert_allclose((unloading - loading)[inside], 2 * growth * radius * x[99:149][inside], rtol=1e-9)
+
+
+def test_creep_that_grows_with_the_load_and_was_calibrated_with_held_loads():
+    time = np.array([0.0, 1e-6, 0.5, 1.0, 1e3])
+    growth, amplitude, tau = 0.1, 0.2, 1.0
+    for load in (1.0, -4.0):
+        drive = load * (1 + growth * abs(load))
+        for held in (0.0, 0.5, 1.0):
+            y = respond(Creep((amplitude,), (tau,), held, growth), np.where(time > 0, load, 0.0), time)
+            expected = load + amplitude * drive * (-np.expm1(-time[1:] / tau) - held)
+            np.testing.assert_allclose(y[1:], expected, atol=1e-5)
+
+
 @settings(derandomize=True, deadline=None, max_examples=15)
 @given(st.lists(st.floats(-5, 5), min_size=2, max_size=8), st.integers(0, 2**31))
 def test_only_the_turning_points_count(turns, seed):

@@ -61,7 +61,7 @@ def examples(seed: int) -> dict[str, Transform]:
         Chain([crosstalk, gain, low_pass]),
         augment.ChannelCurve(field, rng.uniform(-2.1, -1.9), rng.uniform(1.4, 1.6)),
         augment.CovariateField(field, ("gripper_opening", "wrist"), (0.2, -0.1), ((2.0, 0.5), (-0.5, 2.0))),
-        augment.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3)),
+        augment.Creep(rng.uniform(-0.1, 0.25, 3), 10 ** rng.uniform(-2, 1, 3), 0.3, 0.05),
         crosstalk,
         augment.DeadBand(rng.uniform(0.1, 0.3, 3), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6), rng.uniform(0.1, 0.3)),
         augment.DeadTaxels(**faults),
@@ -73,7 +73,7 @@ def examples(seed: int) -> dict[str, Transform]:
         augment.GelOperator(
             rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.1), *(rng.uniform(-0.3, 0.3, 2) for _ in range(7)), taken=0.4
         ),
-        augment.Hysteresis(rng.uniform(0.1, 0.3, 3), rng.uniform(0.1, 1, 3)),
+        augment.Hysteresis(rng.uniform(0.1, 0.3, 3), rng.uniform(0.1, 1, 3), rng.uniform(0.01, 0.05, 3)),
         augment.Interference(rng.uniform(-6, 6, (PADS, 3)), rng.uniform(-75, 75, (PADS, 3))),
         augment.Latency(rng.uniform(0.005, 0.05), rng.uniform(0.001, 0.005), stream),
         augment.LayoutFault(True, True, pad_order=(1, 0), axis_order=(1, 0, 2), axis_signs=(1, -1, 1)),

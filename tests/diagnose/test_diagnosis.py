@@ -44,7 +44,7 @@ def rotated(turned):
 def test_the_cause_is_named_with_its_gain_and_its_parameters(rotated, turned):
     assert names(rotated) == ["rotation"]
     (cause,) = rotated.causes
-    assert [p.name for p in cause.parameters] == ["about_x", "about_y", "about_z"]
+    assert {p.name for p in cause.parameters} == {f"about_{axis}_{pad}" for axis in "xyz" for pad in (0, 1)}
     for interval in (cause.gain, *(p.value for p in cause.parameters)):
         assert interval.low <= interval.value <= interval.high
     assert rotated.heldout.nrmse_after < 0.7 * rotated.heldout.nrmse_before

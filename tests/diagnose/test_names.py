@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from recorded import diagnosed, names, plain, small
 
+from paxisim import augment
 from paxisim.diagnose import known_causes
 from paxisim.recording import Recording
 
@@ -34,9 +35,21 @@ def test_a_turn_about_the_normal_is_told_from_a_coupling_of_shear_and_normal_for
     mixed = plain(lambda force, time: np.einsum("ij,tpjrc->tpirc", turned @ coupling, force), seed=3)
     found = diagnosed(mixed, GEOMETRY)
     assert set(names(found)) == {"axis_coupling", "rotation"}
-    assert values(found, "rotation")["about_z"] == pytest.approx(turn, abs=0.01)
+    for pad in (0, 1):
+        assert values(found, "rotation")[f"about_z_{pad}"] == pytest.approx(turn, abs=0.01)
     got = [values(found, "axis_coupling")[name] for name in ("z_to_x", "z_to_y", "x_to_z", "y_to_z", "x_and_y")]
     np.testing.assert_allclose(got, [0.15, 0.1, -0.05, 0.06, 0.0], atol=0.03)  # a tilt resembles such a coupling
+
+
+def test_the_pad_that_is_turned_is_told_from_the_one_that_is_not():
+    turn = augment.Rotation(((0.0, 0.0, 0.08), (0.0, 0.0, 0.0)))
+    found = diagnosed(plain(lambda force, time: turn(force), seed=7), GEOMETRY)
+    assert names(found) == ["rotation"]
+    angles = {p.name: p.value for p in found.causes[0].parameters}
+    for pad, true in enumerate((0.08, 0.0)):
+        own = angles[f"about_z_{pad}"]
+        assert own.low <= true <= own.high
+        assert own.high - own.low < 0.02
 
 
 def test_gains_of_taxels_and_of_axes_are_told_apart():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
+from paxisim.diagnose.causes.kinds import Derived, FittedCause, Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"
@@ -37,7 +37,7 @@ def _free(problem: Problem) -> tuple[Free, ...]:
         Free("share_2", "1", 0.0, 0.0, 1.0, 0.3, words=SLOW_MEANING),
         Free("tau_2", "s", min(5.0, slowest), MIN_TAU, slowest, 3.0),
         Free("calibrated_held", "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=HELD_MEANING),  # the gauge
-        Free("growth", "1", 0.0, -0.5, 2.0, 0.3, spread=0.5, words=GROWTH_MEANING),
+        Free("growth", "1", 0.0, -0.5, 8.0, 0.5, spread=1.0, words=GROWTH_MEANING),
     )
 
 
@@ -52,6 +52,17 @@ def _make(values: Values, problem: Problem) -> augment.Creep:
     return augment.Creep((amplitude * (1 - share), amplitude * share), (tau, slower), held, growth / problem.peak)
 
 
+def _after(seconds: float) -> Derived:
+    """By how much a held load changes the reading within some seconds, which is better known than the amplitude."""
+
+    def change(values: Values, problem: Problem) -> float:
+        creep = _make(values, problem)
+        return float(np.sum(np.array(creep.amplitude) * -np.expm1(-seconds / np.array(creep.tau))))
+
+    words = f"change of the reading in the first {seconds:g} s of a held load, as a share of the load"
+    return Derived(f"creep_in_{seconds:g}_s", "1", change, words)
+
+
 # The two modes share one amplitude: modes of opposite signs would cancel and fit effects other than creep.
 CREEP = FittedCause(
     name="creep",
@@ -60,6 +71,8 @@ CREEP = FittedCause(
     excites="holds",
     free=_free,
     starts=_starts,
+    derived=(_after(1.0), _after(10.0)),
+    owns_gain=True,
     remembers=True,
     misfit=0.01,
     words="The reading keeps changing under a constant load and recovers slowly after release.",

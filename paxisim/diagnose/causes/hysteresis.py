@@ -26,11 +26,16 @@ def _make(values: Values, problem: Problem) -> augment.Hysteresis:
 
 
 def _width(values: Values, problem: Problem) -> float:
-    """Largest difference between unloading and loading at the same force, from 0 to the peak, relative to the peak."""
-    force = np.zeros((2 * len(WAY) - 1, 1, 3, 1, 1))
-    force[:, 0, 2, 0, 0] = problem.peak * np.concatenate([WAY, WAY[-2::-1]])
-    read = _make(values[: 2 * len(RADII)], problem).run(force, np.arange(len(force), dtype=np.float64))[:, 0, 2, 0, 0]
-    return float(np.max(read[: -len(WAY) - 1 : -1] - read[: len(WAY)])) / problem.peak
+    """Largest difference between unloading and loading at the same force, relative to the peak.
+
+    It is that of the second cycle from 0 to the peak, as the first one begins in the virgin state.
+    """
+    cycle = np.concatenate([WAY, WAY[-2:0:-1]])
+    force = np.zeros((2 * len(cycle) + 1, 1, 3, 1, 1))
+    force[:, 0, 2, 0, 0] = problem.peak * np.append(np.tile(cycle, 2), 0.0)
+    read = _make(values[: 2 * len(RADII)], problem).run(force, np.arange(len(force), dtype=np.float64))
+    second = read[len(cycle) :, 0, 2, 0, 0]
+    return float(np.max(second[::-1] - second)) / problem.peak
 
 
 def _basis(problem: Problem, x: NDArray[np.floating]) -> list[NDArray[np.floating]]:

@@ -142,6 +142,8 @@ class Cause:
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
         remembers: Whether only motions at several speeds surely separate the cause from other memory effects.
+        complexity: Function that returns how many numbers describe the effect on one pad, if each pad has its own
+            parameters; of forms that fit alike, the one with the fewest is preferred. Default: all parameters.
     """
 
     name: str
@@ -157,6 +159,7 @@ class Cause:
     tacit: bool = False
     of_replay: str = ""
     remembers: bool = False
+    complexity: Callable[[Problem], int] | None = None
 
     @property
     def in_scene(self) -> bool:
@@ -202,6 +205,7 @@ class FittedCause(Cause):
         derived: Numbers that a reader understands, which are reported before the parameters.
         parts: Parts of the cause, if it has several; each is judged by itself once the cause is found.
         gauge: Gain that the calibration convention adds, if any.
+        owns_gain: Whether the parameters themselves include the gain of the calibration convention.
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
     """
@@ -214,6 +218,7 @@ class FittedCause(Cause):
     derived: tuple[Derived, ...] = ()
     parts: tuple[CausePart, ...] = ()
     gauge: Gauge | None = None
+    owns_gain: bool = False
     size: Callable[[Values, Problem], float] | None = None
 
     @property

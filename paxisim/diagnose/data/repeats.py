@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,18 +87,38 @@ def _distance(shape: FloatArray, others: FloatArray) -> float:
 
 
 def one_speed(problem: Problem) -> bool:
-    """Whether all loads were applied and released at about the same speed."""
-    speeds = []
+    """Whether all loads were applied and released at about the same speed, each on the way to its own maximum."""
+    times = []
     for span in problem.episodes:
         load, time = np.abs(problem.simulated[span]).max(axis=(1, 2, 3, 4)), problem.time[span]
-        low, high = 0.2 * problem.peak, 0.8 * problem.peak
-        passes = np.flatnonzero(np.diff((load > low).astype(int)))
-        over = np.flatnonzero(load > high)
-        if not len(over) or not len(passes):
+        top = float(load.max())
+        if top < _LOADED * problem.peak:
             continue
+        passes = np.flatnonzero(np.diff((load > 0.2 * top).astype(int)))
+        over = np.flatnonzero(load > 0.8 * top)
         rise, fall = passes[passes < over[0]], passes[passes >= over[-1]]
         if len(rise):
-            speeds.append((high - low) / max(time[over[0]] - time[rise[-1]], 1e-9))
+            times.append(time[over[0]] - time[rise[-1]])
         if len(fall):
-            speeds.append((high - low) / max(time[fall[0] + 1] - time[over[-1]], 1e-9))
-    return len(speeds) >= 2 and max(speeds) < STREAMS.speeds * min(speeds)
+            times.append(time[fall[0] + 1] - time[over[-1]])
+    return len(times) >= 2 and max(times) < STREAMS.speeds * max(min(times), 1e-9)
+
+
+def with_untold(
+    problem: Problem, rivals: Mapping[str, tuple[str, ...]], remembering: Sequence[str]
+) -> Mapping[str, tuple[str, ...]]:
+    """The rivals, plus memory effects that only other speeds could separate.
+
+    Args:
+        problem: The recording.
+        rivals: Rivals of each named cause.
+        remembering: Names of the memory effects in the search, which only motions at several speeds can separate.
+    """
+    if not one_speed(problem):
+        return rivals
+    out = dict(rivals)
+    for name in remembering:
+        if name in rivals:
+            others = [other for other in remembering if other != name]
+            out[name] = tuple(dict.fromkeys([*rivals[name], *others]))
+    return out

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.causes.kinds import AXES, BaselineCause
+from paxisim.diagnose.causes.kinds import AXES, BaselineCause, FittedCause
 from paxisim.diagnose.data.directions import followed
 from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem, showing
+from paxisim.diagnose.data.repeats import with_untold
 from paxisim.diagnose.explain.explanation import Explanation, Named, reading_without
 from paxisim.diagnose.explain.heldout import SquaredErrors, by_episode, gain_of, survives
 from paxisim.diagnose.explain.intervals import parameters_of
@@ -38,7 +39,7 @@ def _rivals(found: Explanation) -> Mapping[str, tuple[str, ...]]:
     Each candidate is fitted in place of the named cause. It is a rival if the difference between their held-out errors
     would itself be too small to be named.
     """
-    asked = {item.name for item in found.off.causes}
+    asked, causes = {item.name for item in found.off.causes}, found.scorer.causes.values()
     rivals: dict[str, tuple[str, ...]] = {named.name: () for named in found.named}
     for named in found.fitted:
         item = named.cause
@@ -47,7 +48,8 @@ def _rivals(found: Explanation) -> Mapping[str, tuple[str, ...]]:
         elif isinstance(item, BaselineCause) and item.unpressed_rival in asked:
             unpressed = _is_unpressed(found.problem, np.asarray(named.values[item.amounts]))
             rivals[item.name] = (item.unpressed_rival,) if unpressed else ()
-    return rivals
+    remembering = [item.name for item in causes if isinstance(item, FittedCause) and item.remembers]
+    return with_untold(found.problem, rivals, remembering)
 
 
 def _is_unpressed(problem: Problem, offset: FloatArray) -> bool:

@@ -124,8 +124,9 @@ def _derived(found: Explanation, free: Sequence[tuple[str, int, Free]]) -> tuple
             now, row = own.of(values, found.problem), np.zeros(len(free))  # type: ignore[arg-type]
             for place, (name, index, about) in enumerate(free):
                 if name == item.name:
-                    step = DERIVED_STEP * about.scale * np.eye(len(values))[index]
-                    row[place] = (own.of(values + step, found.problem) - now) / DERIVED_STEP
+                    step = DERIVED_STEP if values[index] + DERIVED_STEP * about.scale <= about.high else -DERIVED_STEP
+                    moved = values + step * about.scale * np.eye(len(values))[index]
+                    row[place] = (own.of(moved, found.problem) - now) / step  # type: ignore[arg-type]
             keys.append((item.name, own.name))
             rows.append(row)
     return keys, np.reshape(rows, (len(rows), len(free)))

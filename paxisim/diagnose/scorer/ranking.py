@@ -101,7 +101,7 @@ class Ranking:
         as much, the cause ranks behind a cause that consists of that gain.
         """
         chosen = self._chosen
-        gauged = any(self.causes[n].gauge is not None for n in names)
+        gauged = any(self.causes[n].gauge is not None or self.causes[n].owns_gain for n in names)
         own = np.isin(self._owner, [*names, ""] if gauged else list(names)) | chosen
         sets = [own]
         if len(names) == 1 and (self._owner == names[0]).sum() <= self._rules.single_starts:

@@ -36,18 +36,17 @@ def creep(rng, pad, strength, form):
         return relaxed
 
     def apply(f, e):
+        drive = f * np.sqrt(np.abs(f) / (0.5 * pad.peak)) if form == "grows_with_load" else f
         if form == "logarithmic":  # the compliance grows with log(1 + t / tau) up to 30 s
             ages = DT * np.arange(len(f))
             rise = np.log1p(ages / (0.1 * tau)) / np.log1p(30 / (0.1 * tau))
             relaxed = fftconvolve(np.diff(f, axis=0, prepend=0 * f[:1]), rise.reshape(-1, *[1] * (f.ndim - 1)), axes=0)
             relaxed = relaxed[: len(f)]
-        elif form == "grows_with_load":
-            relaxed = relax(f * np.sqrt(np.abs(f) / (0.5 * pad.peak)))
         elif form == "slow_recovery":
             relaxed = _one_way(f, tau, 3 * tau)
         else:
-            relaxed = relax(f)
-        return f + total * axes[:, None] * (relaxed - held * f)
+            relaxed = relax(drive)
+        return f + total * axes[:, None] * (relaxed - held * drive)
 
     return apply, {"amount": total, "tau": tau, "held": held}
 
