@@ -14,7 +14,7 @@ import argparse
 import sys
 
 from harness import add_options, digest, run
-from hidden_table.cases import FAMILIES, KINDS, Task, recording, solve, tasks
+from hidden_table.cases import FAMILIES, HARD, KINDS, Task, recording, solve, tasks
 from hidden_table.cost import costs
 from hidden_table.table import misses, table
 
@@ -33,22 +33,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for kind in KINDS:
         parser.add_argument(f"--{kind}s", dest=kind, type=int, default=0, help=f"number of {kind}s")
+    parser.add_argument("--hard", type=int, default=0, help=f"number of cases of each of: {', '.join(HARD)}")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--family", choices=FAMILIES, default="both", help="family of motions")
     parser.add_argument("--case", help="show one case, such as single:17, as text")
     parser.add_argument("--cost", action="store_true", help="measure time and memory against size")
     add_options(parser)
     options = parser.parse_args()
-    counts = {kind: getattr(options, kind) for kind in KINDS}
+    counts = {kind: getattr(options, kind) for kind in KINDS} | dict.fromkeys(HARD, options.hard)
     if options.case:
         kind, _, number = options.case.partition(":")
-        if kind not in KINDS or not number.isdigit():
-            parser.error(f"--case expects KIND:NUMBER, with KIND one of {', '.join(KINDS)}, got {options.case!r}")
+        if kind not in {*KINDS, *HARD} or not number.isdigit():
+            parser.error(
+                f"--case expects KIND:NUMBER, with KIND one of {', '.join((*KINDS, *HARD))}, got {options.case!r}"
+            )
         show(tasks({kind: int(number) + 1}, options.seed, options.family)[-1])
         return
     wanted = tasks(counts, options.seed, options.family)
     if not (wanted or options.cost):
-        parser.error("nothing to do: give --singles, --pairs, --nulls, --outsiders, --case or --cost")
+        parser.error("nothing to do: give --singles, --pairs, --nulls, --outsiders, --hard, --case or --cost")
     if wanted:
         outcomes = run(solve, wanted, options, digest("tests/hidden"))
         table(outcomes)

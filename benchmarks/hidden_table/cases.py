@@ -16,6 +16,19 @@ from hidden.outsiders import FURTHER, LEARNT, OUTSIDERS
 import paxisim
 
 KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4}
+HARD: dict[str, tuple[int, dict[str, Any]]] = {
+    "triple": (3, {}),
+    "uneven": (2, {"strength": (0.95, 0.25)}),
+    "reversed": (2, {"reverse": True}),
+    "one_pad": (1, {"only_pad": 0}),
+    "onset": (1, {"since": 4}),
+    "poor": (1, {"family": "poor"}),
+}
+"""Kinds that are no goals yet: number of effects, and options of the generator.
+
+Three effects, a strong one with a weak one, effects in another order, on one pad only, from the middle of the recording
+on, and motions that may not tell.
+"""
 FAMILIES = {"both": ("development", "final"), **{name: (name,) for name in ("development", "final", "broad")}}
 SHAPES = ((6, 5), (4, 4), (1, 15))
 """Rows and columns in the family "broad"."""
@@ -58,7 +71,7 @@ def tasks(counts: Mapping[str, int], seed: int, family: str = "both") -> list[Ta
     families, names = FAMILIES[family], list(EFFECTS)
     foreign = [name for name in (*OUTSIDERS, *(FURTHER if family == "broad" else ())) if name not in LEARNT]
     out = []
-    for kind, place in KINDS.items():
+    for place, kind in enumerate((*KINDS, *HARD), 1):
         rng = np.random.default_rng([seed, place])
         for number in range(counts.get(kind, 0)):
             true: Sequence[str] = ()
@@ -68,10 +81,14 @@ def tasks(counts: Mapping[str, int], seed: int, family: str = "both") -> list[Ta
                 true = (foreign[number % len(foreign)],)
             elif kind == "pair":
                 true = sorted(map(str, rng.choice(names, 2, replace=False)))
+            elif kind in HARD:
+                true = list(map(str, rng.choice(names, HARD[kind][0], replace=False)))
             # keeps the cycle over the causes out of step with the cycle over the families
             options: dict[str, Any] = {"family": families[(number + number // len(names)) % len(families)]}
             if family == "broad":
                 options["rows"], options["cols"] = SHAPES[(number + number // len(names)) % len(SHAPES)]
+            if kind in HARD:
+                options |= HARD[kind][1]
             if kind == "null":
                 options |= NULLS[number % len(NULLS)]
             own_seed = seed * 1_000_000 + place * 10_000 + number

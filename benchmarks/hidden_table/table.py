@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from harness import Outcome, print_costs, print_rate
 
+from hidden_table.cases import HARD
+
 STRONG = 0.1  # share of the noise energy; an effect above it must be named
 
 
@@ -27,6 +29,11 @@ def table(outcomes: Sequence[Outcome]) -> None:
     print_rate(f"exact pairs, each signal > {STRONG}", clear, lambda o: o.exact)
     print_rate("nulls with a false name", nulls, lambda o: bool(o.named), "<= 1 %")
     print_rate("outsiders flagged", outsiders, lambda o: o.flagged, ">= 90 %")
+    for kind in HARD:
+        some = [o for o in outcomes if o.kind == kind]
+        print_rate(f"{kind}: exact", some, lambda o: o.exact)
+        print_rate(f"{kind}: all named, perhaps with others", some, lambda o: o.contained)
+        print_rate(f"{kind}: confidently wrong", some, lambda o: o.confidently_wrong)
     print_rate("confidently wrong, of everything", outcomes, lambda o: o.confidently_wrong, "<= 2 %")
     print_rate("not counted above: right if a cause is replaced by its rival", [*singles, *pairs], by_rivals)
     print(f"verdicts: {dict(Counter(o.verdict for o in outcomes))}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause
 from paxisim.diagnose.scorer.scorer import Scorer
 
 
@@ -37,13 +37,18 @@ def rivals_in_place(scorer: Scorer, names: Sequence[str], name: str) -> tuple[st
     rules = scorer.rules
     fit, rest = scorer.fit(names), tuple(n for n in names if n != name)
     gain = float((scorer.without(names, name).heldout - fit.heldout).sum())
+    if scorer.causes[name].nuisance:  # another form of the zero offset
+        others = [n for n, c in scorer.causes.items() if isinstance(c, BaselineCause) and n not in names]
+    else:
+        others = [other for _, other in scorer.ranked(rest)[: rules.contest + 1] if other != name]
     near = {}
-    for other in [other for _, other in scorer.ranked(rest)[: rules.contest + 1] if other != name]:
+    for other in others:
         own = scorer.fit((*rest, other), scorer.fit(rest))
         worse = float((own.heldout - fit.heldout).sum())
-        allowed = scorer.causes[name].misfit * fit.effects.get(name, 0.0)
-        allowed += scorer.causes[other].misfit * own.effects.get(other, 0.0)
-        limit = scorer.material + allowed + rules.tie * max(gain, 0.0)
+        limit = scorer.material
+        if not scorer.causes[name].nuisance:  # a settled drift would replace any offset to within its misfit
+            limit += scorer.causes[name].misfit * fit.effects.get(name, 0.0)
+            limit += scorer.causes[other].misfit * own.effects.get(other, 0.0) + rules.tie * max(gain, 0.0)
         if worse < limit and scorer.evidence((*rest, other), other).kept:
             near[other] = worse
     return tuple(sorted(near, key=lambda n: near[n]))

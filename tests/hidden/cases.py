@@ -68,7 +68,8 @@ class Case:
 
 
 def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, strength=None, duration=9.0, rho=None,
-         strong_noise=False, coarse=False, rate=None, ideal=False, more=(), forms=()):  # fmt: skip
+         strong_noise=False, coarse=False, rate=None, ideal=False, more=(), forms=(), reverse=False, only_pad=None,
+         since=0):  # fmt: skip
     """Make a recording with hidden causes.
 
     Args:
@@ -77,7 +78,7 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         family: family of motions and indenters, see `motions`. "broad" also draws the further forms of the effects,
             and other imperfections of the sensor.
         rows, cols, pads: numbers of rows, columns and pads.
-        strength: 0 to 1 for all causes; default: drawn for each.
+        strength: 0 to 1 for all causes, or one for each; default: drawn for each.
         duration: duration of an episode, s.
         rho: correlation of the noise; default: drawn.
         strong_noise: whether the noise is five times stronger.
@@ -86,6 +87,9 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
         ideal: whether to store `signals` and the simulation with the true effects applied; not available for outsiders.
         more: kinds of episodes that follow those of the family.
         forms: form of each effect by name; default: drawn.
+        reverse: whether the effects act in the reverse of their usual order.
+        only_pad: the only pad that has the effects; default: all pads.
+        since: the episode with which the effects begin.
     """
     rng = np.random.default_rng(seed)
     pitch = (4.35e-3, 4.52e-3)
@@ -107,22 +111,40 @@ def make(causes=(), *, seed, family="development", rows=6, cols=5, pads=2, stren
     if len(order) != len(set(causes)):
         raise ValueError(f"unknown cause among {causes}")
     effects, truth, forms = {}, {}, dict(forms)
-    for name in order:
+    strengths = [strength] * len(order) if strength is None or np.isscalar(strength) else list(strength)
+    for name, own_strength in zip(order, strengths, strict=True):
         if family == "broad" and name in EFFECTS:
             some = [form for form in EFFECTS[name].forms if form != "transposed" or rows == cols]
             forms = {name: some[rng.integers(len(some))], **forms}
         own = {"form": forms[name]} if name in forms else {}
-        size = rng.random() if strength is None else strength
+        size = rng.random() if own_strength is None else own_strength
         effects[name], truth[name] = known[name](rng, pad, size, **own)
+    if reverse:
+        effects = dict(reversed(effects.items()))
     own_step = nuisance.step
     if "quantisation" in truth:
         nuisance.step, nuisance.rounding = truth["quantisation"]["step"], truth["quantisation"]["form"]
     pauses = rng.uniform(20, 60, len(moves))
     starts = np.cumsum(pauses) + duration * np.arange(len(moves))
+    if only_pad is not None or since:
+        effects = {name: _restricted(effect, only_pad, starts[since]) for name, effect in effects.items()}
     warm = rng.uniform(2, 8) * (-1) ** rng.integers(2) if family == "broad" else rng.uniform(-0.5, 0.5)
     device = Sensor(pad, nuisance, effects, own_step, warm)
     case = _recorded(device, moves, starts, rng, ideal and set(order) <= set(EFFECTS))
     return replace(case, pitch=pitch, causes=tuple(order), truth=truth, seed=seed)
+
+
+def _restricted(effect, only_pad, begins):
+    """Return an effect on one pad, or on all, in the episodes from `begins` (s) on."""
+
+    def apply(force, episode):
+        if episode.start < begins:
+            return force
+        pads, changed = slice(only_pad, None if only_pad is None else only_pad + 1), force.copy()
+        changed[:, pads] = effect(force, episode)[:, pads]
+        return changed
+
+    return apply
 
 
 def again(case, *, seed, family="development"):

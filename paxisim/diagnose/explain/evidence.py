@@ -43,11 +43,10 @@ def _rivals(found: Explanation) -> Mapping[str, tuple[str, ...]]:
     rivals: dict[str, tuple[str, ...]] = {named.name: () for named in found.named}
     for named in found.fitted:
         item = named.cause
-        if not item.nuisance:
-            rivals[item.name] = rivals_in_place(found.scorer, found.chosen, item.name)
-        elif isinstance(item, BaselineCause) and item.unpressed_rival in asked:
+        rivals[item.name] = rivals_in_place(found.scorer, found.chosen, item.name)
+        if isinstance(item, BaselineCause) and item.unpressed_rival in asked:
             unpressed = _is_unpressed(found.problem, np.asarray(named.values[item.amounts]))
-            rivals[item.name] = (item.unpressed_rival,) if unpressed else ()
+            rivals[item.name] += (item.unpressed_rival,) if unpressed else ()
     remembering = [item.name for item in causes if isinstance(item, FittedCause) and item.remembers]
     return with_untold(found.problem, rivals, remembering)
 
