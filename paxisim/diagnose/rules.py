@@ -58,7 +58,7 @@ class Rules:
     most: int = 4
     tie: float = 0.01
     near_miss: float = 0.6
-    explains: float = 0.2
+    explains: float = 0.05
     half: float = 0.1
     in_sample: float = 0.5
     single_starts: int = 8

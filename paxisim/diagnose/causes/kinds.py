@@ -141,7 +141,6 @@ class Cause:
             the end.
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
-        remembers: Whether only motions at several speeds surely separate the cause from other memory effects.
         complexity: Function that returns how many numbers describe the effect on one pad, if each pad has its own
             parameters; of forms that fit alike, the one with the fewest is preferred. Default: all parameters.
     """
@@ -158,7 +157,6 @@ class Cause:
     nuisance: bool = False
     tacit: bool = False
     of_replay: str = ""
-    remembers: bool = False
     complexity: Callable[[Problem], int] | None = None
 
     @property
@@ -208,6 +206,7 @@ class FittedCause(Cause):
         owns_gain: Whether the parameters themselves include the gain of the calibration convention.
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
+        remembers: Whether only motions at several speeds separate the cause from other memory effects.
     """
 
     make: Callable[[Values, Problem], Transform]
@@ -220,6 +219,7 @@ class FittedCause(Cause):
     gauge: Gauge | None = None
     owns_gain: bool = False
     size: Callable[[Values, Problem], float] | None = None
+    remembers: bool = False
 
     @property
     def in_scene(self) -> bool:
