@@ -156,9 +156,7 @@ def _by_merit(scorer: Scorer, sets: Sequence[tuple[str, ...]]) -> list[tuple[str
         causes = [scorer.causes[n] for n in names]
         left = scorer.objective(names)
         plain = all(c.nuisance or isinstance(c, FittedCause) for c in causes)
-        numbers = sum(
-            c.complexity(scorer.problem) if c.complexity else len(c.parameters(scorer.problem)) for c in causes
-        )
+        numbers = sum(len(c.parameters(scorer.problem)) // c.copies(scorer.problem) for c in causes)
         return (numbers, left) if left < least and plain else (np.inf, left)
 
     return sorted(sets, key=merit)

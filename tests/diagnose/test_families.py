@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from recorded import diagnosed, names, plain, small
 
+from paxisim import augment
 from paxisim.diagnose.causes.kinds import FittedCause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.data.problem import problem_of
@@ -47,3 +48,10 @@ def test_the_width_of_a_loop_is_reported_with_its_interval():
     true = 0.02 * (0.15 / 0.02) ** 0.8  # of the generator, for this strength
     assert width.low <= true <= width.high
     assert width.high - width.low < 0.6 * true
+
+
+def test_a_sensor_that_hardly_reads_small_swings_is_diagnosed():
+    """Its weights sum to nearly 1, beyond which `Hysteresis` refuses them."""
+    plays = augment.Hysteresis((0.5, 0.49), (0.1, 0.3))
+    found = diagnosed(plain(plays.run, seed=7), ("hysteresis", "latency", "axis_gain"))
+    assert "hysteresis" in names(found)

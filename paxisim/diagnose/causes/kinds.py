@@ -122,6 +122,10 @@ def _always(problem: Problem) -> str:
     return ""
 
 
+def _once(problem: Problem) -> int:
+    return 1
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cause:
     """A property of a sensor or a scene that the simulation lacks; see the four kinds.
@@ -141,8 +145,7 @@ class Cause:
             the end.
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
-        complexity: Function that returns how many numbers describe the effect on one pad, if each pad has its own
-            parameters; of forms that fit alike, the one with the fewest is preferred. Default: all parameters.
+        copies: Function that returns how many pads have parameters of their own. It multiplies the price.
     """
 
     name: str
@@ -157,7 +160,7 @@ class Cause:
     nuisance: bool = False
     tacit: bool = False
     of_replay: str = ""
-    complexity: Callable[[Problem], int] | None = None
+    copies: Callable[[Problem], int] = _once
 
     @property
     def in_scene(self) -> bool:
@@ -255,6 +258,7 @@ class FittedCause(Cause):
     ) -> NDArray[np.floating]:
         """The same as `on`, given the `basis` of `x`."""
         own, gain = self._parted(values, problem)
+        self.make(own, problem)  # raises if it refuses these values
         y = x + np.tensordot(np.asarray(own, dtype=basis.dtype), basis, 1)
         return y if np.all(gain == 1) else y * gain.astype(y.dtype)[:, None, None]
 

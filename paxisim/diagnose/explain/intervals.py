@@ -123,10 +123,12 @@ def _derived(found: Explanation, free: Sequence[tuple[str, int, Free]]) -> tuple
         for own in item.derived:
             now, row = own.of(values, found.problem), np.zeros(len(free))  # type: ignore[arg-type]
             for place, (name, index, about) in enumerate(free):
-                if name == item.name:
-                    step = DERIVED_STEP if values[index] + DERIVED_STEP * about.scale <= about.high else -DERIVED_STEP
+                for step in (DERIVED_STEP, -DERIVED_STEP) if name == item.name else ():
                     moved = values + step * about.scale * np.eye(len(values))[index]
-                    row[place] = (own.of(moved, found.problem) - now) / step  # type: ignore[arg-type]
+                    if moved[index] <= about.high:
+                        with contextlib.suppress(ValueError):  # each value is allowed, but not the combination
+                            row[place] = (own.of(moved, found.problem) - now) / step  # type: ignore[arg-type]
+                            break
             keys.append((item.name, own.name))
             rows.append(row)
     return keys, np.reshape(rows, (len(rows), len(free)))

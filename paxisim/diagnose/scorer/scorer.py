@@ -169,8 +169,8 @@ class Scorer:
             exact: Whether to use independently fitted folds.
         """
         fit = self.exact(self.fit(names)) if exact else self.fit(names)
-        price = sum(self.causes[n].price for n in names if nuisances or not self.causes[n].nuisance)
-        return float(fit.heldout.sum()) + self.material * price
+        prices = (self._price(n) for n in names if nuisances or not self.causes[n].nuisance)
+        return float(fit.heldout.sum()) + sum(prices)
 
     def evidence(self, names: Sequence[str], name: str, exact: bool = False) -> Evidence:
         """Test one cause of a set; `exact` uses independently fitted folds."""
@@ -182,7 +182,7 @@ class Scorer:
         if exact:
             fit, without = self.exact(fit), self.exact(without)
         gain = without.heldout - fit.heldout
-        needed = item.price * self.material + self._misfit(fit, name)
+        needed = self._price(name) + self._misfit(fit, name)
         is_offset = isinstance(item, BaselineCause)
         amount = np.inf if is_offset else item.amount(fit.whole.values[name], self.problem)
         kept = self._passes(gain, needed, amount) and not (is_offset and self._is_contradicted(fit, name))
@@ -212,6 +212,10 @@ class Scorer:
                 if not evidence.kept and evidence.amount >= 1:
                     found[name] = evidence.share
         return found
+
+    def _price(self, name: str) -> float:
+        """Energy that a cause must gain to matter."""
+        return self.material * self.causes[name].price * self.causes[name].copies(self.problem)
 
     def _misfit(self, fit: Fit, name: str) -> float:
         """Energy that the forms of the other causes may leave unexplained, which a cause could gain."""

@@ -8,6 +8,7 @@ of 100,000 rows where the normal equations of about ten parameters suffice (`ben
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -240,11 +241,13 @@ class Squares:
             return seen if absorbed is None else seen - absorbed(seen)
 
         for row, (name, index, about) in enumerate(self.free):
-            step = FITTING.step * about.scale
-            step = -step if values[name][index] + step > about.high else step
-            moved = values[name].copy()
-            moved[index] += step
-            slopes[row] = effect(name, moved).ravel() * (about.scale / step)
+            for step in (FITTING.step, -FITTING.step):
+                moved = values[name].copy()
+                moved[index] += step * about.scale
+                if moved[index] <= about.high:
+                    with suppress(ValueError):  # each value is allowed, but not the combination
+                        slopes[row] = effect(name, moved).ravel() / step
+                        break
         return slopes
 
     def _absorbed(
