@@ -43,7 +43,8 @@ def _parameters(
 ) -> Iterator[FittedParameter]:
     """The numbers derived from a cause's parameters, its scalar parameters, and each element of its arrays."""
     for own in named.cause.derived if isinstance(named.cause, FittedCause) else ():
-        number, reach = own.of(list(named.values.values()), found.problem), spreads.get((named.name, own.name))
+        values = [float(value) for value in named.values.values()]
+        number, reach = own.of(values, found.problem), spreads.get((named.name, own.name))
         interval = Interval(number) if reach is None else Interval(number, number - reach, number + reach)
         yield FittedParameter(own.name, own.unit, interval, own.words)
     free = {item.name: item for item in named.cause.parameters(found.problem)}
