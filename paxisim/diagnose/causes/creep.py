@@ -49,6 +49,7 @@ def _starts(problem: Problem) -> list[tuple[float, ...]]:
 
 def _make(values: Values, problem: Problem) -> augment.Creep:
     amplitude, tau, share, slower, held, growth = values
+    amplitude /= 1 + held * amplitude  # relative to what is read at once, so that creep never becomes a low-pass
     return augment.Creep((amplitude * (1 - share), amplitude * share), (tau, slower), held, growth / problem.peak)
 
 
