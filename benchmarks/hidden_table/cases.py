@@ -15,7 +15,7 @@ from hidden.outsiders import FURTHER, LEARNT, OUTSIDERS
 
 import paxisim
 
-KINDS = {"single": 1, "pair": 2, "null": 3, "outsider": 4}
+KINDS = ("single", "pair", "null", "outsider")
 HARD: dict[str, tuple[int, dict[str, Any]]] = {
     "triple": (3, {}),
     "uneven": (2, {"strength": (0.95, 0.25)}),
@@ -40,7 +40,7 @@ class Task:
     """A case to make and diagnose.
 
     Attributes:
-        kind: One of `KINDS`.
+        kind: One of `KINDS` or `HARD`.
         number: Number of the case within its kind.
         true: The hidden effects.
         seed: Random seed of the recording.

@@ -23,12 +23,12 @@ class Creep(StatefulTransform):
         y = x + sum_m amplitude_m (q_m - held u)        tau_m dq_m/dt = u - q_m        u = x (1 + growth |x|)
 
     Silicone is viscoelastic: under a held load it sinks in further, along with the magnets, and after unloading the
-    reading recovers late. The instantaneous gain is 1 and the steady-state gain is ``1 + sum amplitude``; at angular
-    frequency w the gain is ``1 + sum amplitude / (1 + i w tau)``. With a negative amplitude the reading falls under a
-    held load, as stress relaxes under a held indentation. A sensor that was calibrated with held loads (`held` of 1)
-    reads too little at once, and correctly once the creep has ended. With a `growth`, large loads creep by a larger
-    share than small ones; otherwise the transform is linear. It acts on each element independently. With amplitudes of
-    0, y equals x.
+    reading recovers late. Without `held` and `growth`, the instantaneous gain is 1 and the steady-state gain is ``1 +
+    sum amplitude``; at angular frequency w the gain is ``1 + sum amplitude / (1 + i w tau)``. With a negative amplitude
+    the reading falls under a held load, as stress relaxes under a held indentation. A sensor that was calibrated with
+    held loads (`held` of 1) reads too little at once, and correctly once the creep has ended. With a `growth`, large
+    loads creep by a larger share than small ones; otherwise the transform is linear. It acts on each element
+    independently. With amplitudes of 0, y equals x.
 
     The input is assumed to be piecewise linear between frames, for which a step is exact at any `dt`. The first frame,
     and the first after `reset`, counts as a constant load whose creep is complete.

@@ -92,21 +92,20 @@ class Hysteresis(StatefulTransform):
         if not plays:
             return y
         weight, radius, growth = np.array(plays, dtype=x.dtype).T
-        sizes = np.abs(x).reshape(len(x), -1) if growth.any() else None
+        grows, sizes = growth.any(), np.abs(x).reshape(len(x), -1)
         radius = radius.reshape(-1, *[1] * (x.ndim - 1))
         play, bound = np.zeros((2, len(plays), *x.shape[1:]), dtype=x.dtype)
         lags = bound.reshape(len(plays), -1)
-        for n, (frame, out) in enumerate(
-            zip(x, y.reshape(len(y), -1), strict=True)
-        ):  # all plays at once, in buffers that stay cached
+        # all plays at once, in buffers that stay cached
+        for frame, size, out in zip(x, sizes, y.reshape(len(y), -1), strict=True):
             np.add(frame, radius, out=bound)
             np.minimum(play, bound, out=play)
             np.subtract(frame, radius, out=bound)
             np.maximum(play, bound, out=play)
             np.subtract(play, frame, out=bound)
             out += weight @ lags
-            if sizes is not None:
-                out += sizes[n] * (growth @ lags)
+            if grows:
+                out += size * (growth @ lags)
         return y
 
     def _play(self, frame: Any, play: Any) -> Any:

@@ -14,7 +14,6 @@ from paxisim.diagnose.data.problem import Problem
 TILT_PRIOR = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount
 MAX_TILT = 0.09  # rad
 
-
 FREE = (
     *(Free(f"about_{axis}", "rad", 0.0, -MAX_TILT, MAX_TILT, 0.05, 0.012, TILT_PRIOR) for axis in AXES[:2]),
     Free("about_z", "rad", 0.0, -0.6, 0.6, 0.05, 0.012),
