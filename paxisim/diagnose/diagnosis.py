@@ -122,7 +122,7 @@ class Diagnosis(Result):
         if not path.is_file():
             return found
         scene = Scene.load(path)
-        if Path(scene.mjcf).resolve().parent != path.resolve().parent:  # type: ignore[arg-type]
+        if Path(scene.mjcf).resolve().parent != path.resolve().parent:
             raise InvalidValueError(f"{path} must name an MJCF in its own folder, got {scene.mjcf}")
         return replace(found, scene=scene)
 

@@ -5,7 +5,8 @@ import pytest
 from recorded import diagnosed, names, plain
 from scipy.signal import lfilter
 
-from paxisim.diagnose.causes.kinds import FittedCause, Gauge
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Gauge
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.rules import Rules

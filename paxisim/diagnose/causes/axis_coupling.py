@@ -6,7 +6,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Values, one_away
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Free, Values, one_away
 from paxisim.diagnose.data.problem import Problem
 
 # Within the plane of the pad only the symmetric part: the antisymmetric part is a `rotation` about the normal.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import AXES, FittedCause, Free, one_away
+from paxisim.diagnose.causes.kinds import AXES, FittedCause
+from paxisim.diagnose.causes.parameters import Free, one_away
 
 AXIS_GAIN = FittedCause(
     name="axis_gain",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Derived, FittedCause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Derived, Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 HELD_MEANING = "0 if the sensor reads correctly at once, 1 if it reads correctly after creep has ended"

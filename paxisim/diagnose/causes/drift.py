@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import BaselineCause, Values
+from paxisim.diagnose.causes.kinds import BaselineCause
+from paxisim.diagnose.causes.parameters import Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MIN_EPISODES = 4

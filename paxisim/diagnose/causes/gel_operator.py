@@ -9,7 +9,8 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.gel_operator import KINDS
 from paxisim.diagnose.causes.channel_curve import no_neighbours
-from paxisim.diagnose.causes.kinds import CausePart, FittedCause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import CausePart, Free, Values
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.problem import Problem
 

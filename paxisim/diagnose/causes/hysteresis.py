@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import Derived, FittedCause, Free, Gauge, Values, one_away
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Derived, Free, Gauge, Values, one_away
 from paxisim.diagnose.data.problem import Problem
 
 RADII = (0.01, 0.03, 0.08, 0.2, 0.5)  # radii of the play operators, in units of the peak

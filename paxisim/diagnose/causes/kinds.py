@@ -21,101 +21,10 @@ from numpy.typing import NDArray
 
 from paxisim import augment
 from paxisim.augment.transform import STAGES, Transform
+from paxisim.diagnose.causes.parameters import CausePart, Derived, Free, Gauge, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
-Values = Sequence[float]
-
 AXES = "xyz"
-
-
-@dataclass(frozen=True)
-class Free:
-    """A scalar parameter to fit.
-
-    Attributes:
-        name: Name in reports.
-        unit: Unit, ``"1"`` if dimensionless.
-        neutral: Value at which the cause has no effect, or the prior mean.
-        low: Lower bound.
-        high: Upper bound.
-        scale: Typical change of the parameter; the fit takes its steps in this unit.
-        material: Smallest deviation from `neutral` that matters. The cause is named only if at least one of its
-            parameters deviates that far. None for parameters that do not count, such as time constants.
-        spread: Standard deviation of a prior about `neutral`; None for no prior.
-        words: Explanation, if the name alone is not clear.
-    """
-
-    name: str
-    unit: str
-    neutral: float
-    low: float
-    high: float
-    scale: float
-    material: float | None = None
-    spread: float | None = None
-    words: str = ""
-
-
-@dataclass(frozen=True)
-class Gauge:
-    """The gain that a calibration convention adds to a cause.
-
-    A sensor with creep reads correctly at once if it was calibrated with quick presses, and only after a while if it
-    was calibrated with held loads. The second sensor shows a gain below 1 besides the creep; this gain is not a
-    separate cause. A nuisance parameter from 0 to 1 places the sensor between the two conventions. It is fitted with
-    the cause and reported as one of its parameters. If the gain depends on the magnitude of the forces, shear has its
-    own parameter.
-
-    Attributes:
-        name: Name of the parameter. At 0 the cause's transform is used unchanged, at 1 it is multiplied by `gain`.
-        gain: Function that returns the gain at the other convention, given the cause's values and the recording: a
-            scalar for all axes, or ``(3,)``.
-        words: What 0 and 1 mean.
-        by_axis: Whether the gain differs between axes.
-    """
-
-    name: str
-    gain: Callable[[Values, Problem], float | FloatArray]
-    words: str
-    by_axis: bool = False
-
-    @property
-    def free(self) -> tuple[Free, ...]:
-        """Its parameters: one for all axes, or one for normal force and one for shear."""
-        names = (self.name, f"{self.name}_shear") if self.by_axis else (self.name,)
-        return tuple(Free(name, "1", 0.0, 0.0, 1.0, 0.3, spread=1.0, words=self.words) for name in names)
-
-
-@dataclass(frozen=True)
-class CausePart:
-    """A part of a cause that is reported with its own gain, and left out of the model if it gains nothing.
-
-    Attributes:
-        name: Name in reports.
-        parameters: Names of its parameters. Parameters that no part lists belong to the whole cause.
-        words: Explanation in a few words.
-    """
-
-    name: str
-    parameters: tuple[str, ...]
-    words: str
-
-
-@dataclass(frozen=True)
-class Derived:
-    """A number that a reader understands, computed from the parameters of a cause.
-
-    Attributes:
-        name: Name in reports.
-        unit: Unit, ``"1"`` if dimensionless.
-        of: Function that returns the number, given the cause's parameters and the recording.
-        words: Explanation in a few words.
-    """
-
-    name: str
-    unit: str
-    of: Callable[[Values, Problem], float]
-    words: str
 
 
 def _always(problem: Problem) -> str:
@@ -210,6 +119,7 @@ class FittedCause(Cause):
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
         remembers: Whether only motions at several speeds separate the cause from other memory effects.
+        fixed: Names of parameters that stay neutral, because the parts that they belong to were left out.
     """
 
     make: Callable[[Values, Problem], Transform]
@@ -223,6 +133,7 @@ class FittedCause(Cause):
     owns_gain: bool = False
     size: Callable[[Values, Problem], float] | None = None
     remembers: bool = False
+    fixed: frozenset[str] = frozenset()
 
     @property
     def in_scene(self) -> bool:
@@ -231,12 +142,12 @@ class FittedCause(Cause):
 
     def parameters(self, problem: Problem) -> tuple[Free, ...]:
         """The fitted parameters, those of the gauge last."""
-        return (*self.free(problem), *(self.gauge.free if self.gauge else ()))
+        own = (free for free in self.free(problem) if free.name not in self.fixed)
+        return (*own, *(self.gauge.free if self.gauge else ()))
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, including those of the gauge."""
-        own, gain = self._parted(values, problem)
-        made = self.make(own, problem)
+        made, gain = self.make(self._own(values, problem), problem), self._gain(values, problem)
         if self.gauge is None or np.all(gain == 1):
             return made
         after: Transform = augment.AxisGain(tuple(gain))
@@ -244,20 +155,23 @@ class FittedCause(Cause):
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
 
-    def _parted(self, values: FloatArray, problem: Problem) -> tuple[list[float], FloatArray]:
-        """The values without those of the gauge, and the ``(3,)`` gain of the gauge."""
-        own = [float(v) for v in values]
+    def _own(self, values: Values, problem: Problem) -> list[float]:
+        """The values of all of `free`, from those of `parameters`."""
+        given = iter(values)
+        return [f.neutral if f.name in self.fixed else float(next(given)) for f in self.free(problem)]
+
+    def _gain(self, values: Values, problem: Problem) -> FloatArray:
+        """The ``(3,)`` gain of the gauge."""
         if self.gauge is None:
-            return own, np.ones(3)
-        count = len(self.gauge.free)
-        own, shares = own[:-count], own[-count:]
-        return own, 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
+            return np.ones(3)
+        shares = np.asarray(values[-len(self.gauge.free) :], dtype=np.float64)[[-1, -1, 0]]
+        return 1 + shares * (self.gauge.gain(self._own(values, problem), problem) - 1)
 
     def combined(
         self, x: NDArray[np.floating], basis: NDArray[np.floating], values: FloatArray, problem: Problem
     ) -> NDArray[np.floating]:
         """The same as `on`, given the `basis` of `x`."""
-        own, gain = self._parted(values, problem)
+        own, gain = self._own(values, problem), self._gain(values, problem)
         self.make(own, problem)  # raises if it refuses these values
         y = x + np.tensordot(np.asarray(own, dtype=basis.dtype), basis, 1)
         return y if np.all(gain == 1) else y * gain.astype(y.dtype)[:, None, None]
@@ -272,72 +186,63 @@ class FittedCause(Cause):
             frames: The part of the recording that `x` belongs to.
         """
         if self.change is not None:
-            return x + self.change(values, frames)  # type: ignore[arg-type]
-        return frames.run(self.transform(values, problem), x)  # type: ignore[arg-type]
+            return x + self.change(values, frames)
+        return frames.run(self.transform(values, problem), x)
 
     def effects(self, problem: Problem, x: FloatArray) -> list[FloatArray]:
         """See `Cause.effects`: the effect at each of its starts."""
-        if self.change is not None:
-            return [self.change(start, problem) for start in self.starts(problem)]
         if self.basis is not None:
-            return list(self.basis(problem, x))  # type: ignore[arg-type]
-        return [problem.run(self.make(start, problem), x) - x for start in self.starts(problem)]
+            return list(self.basis(problem, x))
+        starts = self._starts(problem)
+        if self.change is not None:
+            return [self.change(start, problem) for start in starts]
+        return [problem.run(self.make(start, problem), x) - x for start in starts]
 
     def has_memory(self, problem: Problem) -> bool:
         """See `Cause.has_memory`."""
         return self.change is None and self.transform(self.places(problem)[0], problem).has_memory
 
     def places(self, problem: Problem) -> list[FloatArray]:
-        """Starting values; with a gauge, each start is combined with both ends of the gauge."""
-        starts = [np.asarray(values, dtype=np.float64) for values in self.starts(problem)]
+        """Starting values of `parameters`; with a gauge, each start is combined with both ends of the gauge."""
+        varied = [f.name not in self.fixed for f in self.free(problem)]
+        starts = [np.asarray(start, dtype=np.float64)[varied] for start in self._starts(problem)]
         if self.gauge is None:
             return starts
         return [np.append(s, [end] * len(self.gauge.free)) for s in starts for end in (0.0, 1.0)]
 
+    def _starts(self, problem: Problem) -> Sequence[Values]:
+        """The starts with the fixed parameters neutral, without those that then have no effect."""
+        if not self.fixed:
+            return self.starts(problem)
+        free = self.free(problem)
+        starts = [self._neutral_unless(lambda name: name not in self.fixed, s, problem) for s in self.starts(problem)]
+        acts = [any(f.material and v != f.neutral for f, v in zip(free, start, strict=True)) for start in starts]
+        return list(compress(starts, acts)) or [[f.neutral for f in free]]
+
+    def _neutral_unless(self, kept: Callable[[str], bool], own: Values, problem: Problem) -> list[float]:
+        """Values of `free` with all parameters neutral but those whose names are `kept`."""
+        return [float(v) if kept(f.name) else f.neutral for f, v in zip(self.free(problem), own, strict=True)]
+
     def lacking(self, part: CausePart) -> FittedCause:
         """The cause without one of its parts, whose parameters stay neutral."""
-        whole = self
-
-        def free(problem: Problem) -> tuple[Free, ...]:
-            return tuple(f for f in whole.free(problem) if f.name not in part.parameters)
-
-        def filled(values: Values, problem: Problem) -> list[float]:
-            own = iter(values)
-            return [f.neutral if f.name in part.parameters else float(next(own)) for f in whole.free(problem)]
-
-        def starts(problem: Problem) -> Sequence[Values]:
-            kept = [f.name not in part.parameters for f in whole.free(problem)]
-            shortened = [tuple(compress(start, kept)) for start in whole.starts(problem)]
-            about = free(problem)
-            moved = [
-                start
-                for start in shortened
-                if any(f.material and value != f.neutral for f, value in zip(about, start, strict=True))
-            ]
-            return moved or [tuple(f.neutral for f in about)]
-
-        size = whole.size
         return replace(
-            self,
-            free=free,
-            starts=starts,
-            make=lambda values, problem: whole.make(filled(values, problem), problem),
-            size=None if size is None else lambda values, problem: size(filled(values, problem), problem),
-            parts=tuple(other for other in self.parts if other is not part),
+            self, fixed=self.fixed.union(part.parameters), parts=tuple(p for p in self.parts if p is not part)
         )
-
-    def amount_of(self, part: CausePart, values: Values, problem: Problem) -> float:
-        """Size of one part of the values, in units of the smallest size of interest."""
-        about = self.free(problem)
-        alone = [float(v) if f.name in part.parameters else f.neutral for f, v in zip(about, values, strict=False)]
-        return self.amount(np.array(alone), problem)
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
         """See `Cause.amount`."""
+        return self._amount(self._own(values, problem), problem)
+
+    def amount_of(self, part: CausePart, values: Values, problem: Problem) -> float:
+        """Size of one part of the values, in units of the smallest size of interest."""
+        own = self._own(values, problem)
+        return self._amount(self._neutral_unless(lambda name: name in part.parameters, own, problem), problem)
+
+    def _amount(self, own: Values, problem: Problem) -> float:
         if self.size is not None:
-            return self.size(values, problem)  # type: ignore[arg-type]
-        pairs = zip(values, self.free(problem), strict=False)
-        return max((abs(float(v) - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
+            return self.size(own, problem)
+        pairs = zip(own, self.free(problem), strict=True)
+        return max((abs(v - f.neutral) / f.material for v, f in pairs if f.material), default=np.inf)
 
 
 Absorbed = Callable[[Problem, FloatArray, FloatArray, FloatArray], Callable[[FloatArray], FloatArray]]
@@ -433,10 +338,3 @@ class DetectedCause(Cause):
 def baseline_causes(causes: Sequence[Cause]) -> list[BaselineCause]:
     """The causes with a zero offset, in chain order."""
     return sorted((c for c in causes if isinstance(c, BaselineCause)), key=lambda c: c.order)
-
-
-def one_away(count: int, index: int, neutral: float, step: float) -> list[float]:
-    """Neutral values except for one that is a step away: a start for a cause with several parameters."""
-    values = [neutral] * count
-    values[index] += step
-    return values

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from paxisim import augment
-from paxisim.diagnose.causes.kinds import FittedCause, Free
+from paxisim.diagnose.causes.kinds import FittedCause
 from paxisim.diagnose.causes.low_pass import capacity
+from paxisim.diagnose.causes.parameters import Free
 from paxisim.diagnose.data.problem import Problem
 
 

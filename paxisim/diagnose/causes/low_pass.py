@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from paxisim import augment
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 
 def _make(values: Values, problem: Problem) -> Transform:
     first, second, delay = values
-    filters = [augment.LowPass(first), augment.LowPass(second)]
+    filters: list[Transform] = [augment.LowPass(first), augment.LowPass(second)]
     late = delay * (first + second)
     if late > 0:
-        filters.append(augment.Latency(late, capacity=capacity(problem, late)))  # type: ignore[arg-type]
+        filters.append(augment.Latency(late, capacity=capacity(problem, late)))
     return augment.Chain(filters)
 
 

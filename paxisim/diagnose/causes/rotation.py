@@ -8,7 +8,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import mixes_alike
-from paxisim.diagnose.causes.kinds import AXES, FittedCause, Free, one_away
+from paxisim.diagnose.causes.kinds import AXES, FittedCause
+from paxisim.diagnose.causes.parameters import Free, one_away
 from paxisim.diagnose.data.problem import Problem
 
 TILT_PRIOR = 0.01  # rad, standard deviation of the prior for the tilt of a sensor in its mount

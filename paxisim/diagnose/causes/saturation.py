@@ -6,7 +6,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Gauge, Values
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Free, Gauge, Values
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 MATERIAL_LIMIT = 1.1  # materiality of the limit, in units of the peak; a larger limit acts like stiffening

@@ -13,7 +13,8 @@ from math import radians
 import numpy as np
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Values, one_away
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Free, Values, one_away
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.data.responses import SHOWN, SPREAD

@@ -6,7 +6,8 @@ import numpy as np
 
 from paxisim import augment
 from paxisim.diagnose.causes.channel_curve import bent_apart
-from paxisim.diagnose.causes.kinds import FittedCause, Free, Values
+from paxisim.diagnose.causes.kinds import FittedCause
+from paxisim.diagnose.causes.parameters import Free, Values
 from paxisim.diagnose.data.problem import Problem
 
 MATERIAL_CHANGE = 0.02  # materiality of the change in gain between a tenth of the peak and the peak

@@ -90,7 +90,7 @@ class Responses:
         """Return the responses of the numbers of a cause."""
         return [one for one in self.each if one.parameter.group == group]
 
-    def change(self, group: str, values: Sequence[float]) -> FloatArray:
+    def change(self, group: str, values: Sequence[float] | FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, change of the simulated stream by a cause.
 
         Args:
@@ -110,7 +110,7 @@ class Responses:
         total = shares.astype(np.float32) @ stack
         return total.reshape(len(self.rows), *numbers[0].changes.shape[2:]).astype(np.float64)
 
-    def mean_pose(self, values: Sequence[float]) -> FloatArray:
+    def mean_pose(self, values: Sequence[float] | FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, change of the simulated stream by small poses, the same in all episodes.
 
         Args:

@@ -10,7 +10,8 @@ import numpy as np
 from paxisim import augment
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.detected import ReadOff, read_off
-from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, PerChannelCause, baseline_causes
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, FittedCause, PerChannelCause, baseline_causes
+from paxisim.diagnose.causes.parameters import CausePart
 from paxisim.diagnose.causes.vocabulary import CAUSES
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem

@@ -13,7 +13,8 @@ from scipy.stats import t as student
 from paxisim.augment.chain import Chain
 from paxisim.augment.parameter_spec import parameters
 from paxisim.augment.transform import Transform
-from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, Free, PerChannelCause
+from paxisim.diagnose.causes.kinds import BaselineCause, FittedCause, PerChannelCause
+from paxisim.diagnose.causes.parameters import Free
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.deviations import CORRELATED_SAMPLES
 from paxisim.diagnose.data.noise import differences
@@ -122,13 +123,13 @@ def _derived(found: Explanation, free: Sequence[tuple[str, int, Free]]) -> tuple
     for item in (c for c in found.fit.causes if isinstance(c, FittedCause)):
         values = found.fit.whole.values[item.name]
         for own in item.derived:
-            now, row = own.of(values, found.problem), np.zeros(len(free))  # type: ignore[arg-type]
+            now, row = own.of(values, found.problem), np.zeros(len(free))
             for place, (name, index, about) in enumerate(free):
                 for step in (DERIVED_STEP, -DERIVED_STEP) if name == item.name else ():
                     moved = values + step * about.scale * np.eye(len(values))[index]
                     if moved[index] <= about.high:
                         with contextlib.suppress(ValueError):  # each value is allowed, but not the combination
-                            row[place] = (own.of(moved, found.problem) - now) / step  # type: ignore[arg-type]
+                            row[place] = (own.of(moved, found.problem) - now) / step
                             break
             keys.append((item.name, own.name))
             rows.append(row)

@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, baseline_causes
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, FittedCause, baseline_causes
+from paxisim.diagnose.causes.parameters import CausePart
 from paxisim.diagnose.data.baseline import Curves
 from paxisim.diagnose.data.folds import Folds
 from paxisim.diagnose.data.problem import FloatArray, Problem

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paxisim.diagnose.causes.kinds import BaselineCause, Cause, CausePart, FittedCause, baseline_causes
+from paxisim.diagnose.causes.kinds import BaselineCause, Cause, FittedCause, baseline_causes
+from paxisim.diagnose.causes.parameters import CausePart
 from paxisim.diagnose.data.folds import Folds, folds_of
 from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import Rules
@@ -196,7 +197,7 @@ class Scorer:
         needed = self.material + self._misfit(fit, name)
         out = []
         for part in item.parts:
-            amount = item.amount_of(part, fit.whole.values[name], self.problem)  # type: ignore[arg-type]
+            amount = item.amount_of(part, fit.whole.values[name], self.problem)
             gain = self.lacking(names, name, [part]).heldout - fit.heldout
             out.append(Evidence(part.name, gain, needed, amount, self._passes(gain, needed, amount)))
         return out
