@@ -98,6 +98,7 @@ class Checks:
         pressed: Force, as a share of the peak, from which a taxel should respond.
         on_taxel: Force, in units of its tolerated position error, from which the contact is on the taxel.
         count: Largest level at rest, in quantisation steps, that does not matter.
+        counts: Force, in quantisation steps, whose response shows in spite of rounding.
         pair_load: Least energy of a swapped taxel, relative to the most loaded one; weak loads depend on placing.
         residual: Largest residual with a swapped taxel's force, relative to that with the taxel's own force.
         moved: Share of the moved taxels that must correlate at least as well at their new place.
@@ -125,6 +126,7 @@ class Checks:
     pressed: float = 0.06
     on_taxel: float = 15.0
     count: float = 0.6
+    counts: float = 2.0
     pair_load: float = 0.1
     residual: float = 0.5
     moved: float = 0.7

@@ -148,9 +148,10 @@ def confirm(ready: Ready, scorer: Scorer, names: Sequence[str], seed: int, jobs:
     All causes are dropped if they explain little and clear structure remains in the residual: they are then not the
     real causes.
     """
+    dropped: dict[str, Interval] = {}
 
     def explained(names: Sequence[str]) -> tuple[Explanation, SquaredErrors]:
-        found = explanation_of(ready.off, scorer, names, jobs)
+        found = explanation_of(ready.off, scorer, names, jobs, dropped)
         return found, squares_of(found, jobs)
 
     found, squares = explained(names)
@@ -160,7 +161,6 @@ def confirm(ready: Ready, scorer: Scorer, names: Sequence[str], seed: int, jobs:
     clear = any(item.statistic > STRUCTURE.clear * item.limit for item in structure)
     if clear and share is not None and share.value < scorer.rules.explains:
         found, squares = explained(())
-    dropped: dict[str, Interval] = {}
     while True:
         shares = {n.name: affected_gain_of(squares, squares.without[n.name], seed) for n in found.fitted}
         doubtful = {name: share for name, share in shares.items() if share.ends[0] <= 0}
@@ -168,7 +168,7 @@ def confirm(ready: Ready, scorer: Scorer, names: Sequence[str], seed: int, jobs:
             return Confirmed(found, squares, structure, dropped)
         least = min(doubtful, key=lambda name: doubtful[name].value)
         dropped[least] = doubtful[least]
-        found, squares = explained([name for name in found.chosen if name not in dropped])
+        found, squares = explained(found.chosen)
 
 
 def wanted_of(

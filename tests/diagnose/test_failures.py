@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded import diagnosed, names, plain, small
+from recorded import diagnosed, make, names, plain, recording_of, small
 
 from paxisim import augment
 from paxisim.diagnose.diagnosis import Diagnosis
@@ -144,6 +144,18 @@ def test_what_else_a_sensor_does_is_no_failure(effect, seed):
 @pytest.mark.parametrize("options", [{"rho": 0.95}, {"coarse": True}, {"strong_noise": True}, {"family": "poor"}])
 def test_noise_is_no_failure(options):
     assert names(diagnosed(small(seed=53, **options), ("dead_taxels", "swapped_taxels"))) == []
+
+
+@pytest.mark.parametrize(
+    ("hidden", "seed"),
+    [
+        (("axis_coupling", "dead_band"), 9_000_020_010),  # the coupling cancels shear near the dead band
+        (("hysteresis", "stiffening", "rotation"), 9_000_050_004),  # a loop wider than shear of one count
+    ],
+)
+def test_shear_that_a_working_channel_does_not_read_is_no_failure(hidden, seed):
+    case = make(hidden, seed=seed, family="development")
+    assert names(diagnosed(recording_of(case), ("dead_taxels",))) == []
 
 
 def test_a_taxel_that_the_last_episodes_do_not_press_has_not_failed():

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from curved_pad import curved_pad
-from recorded import diagnosed
+from recorded import diagnosed, make, names, recording_of
 
 import paxisim
 from paxisim import augment
@@ -102,6 +102,14 @@ def test_counts_coarser_than_the_noise_do_not_stop_the_fit():
     assert len(parts_of(found)) == 4
     assert value(found, "along_next").value == pytest.approx(0.6, abs=0.1)
     assert value(found, "lift_next").value == pytest.approx(-0.2, abs=0.1)
+
+
+def test_a_gain_larger_than_a_layer_causes_is_a_cause_of_its_own():
+    options = {"rows": 5, "cols": 4, "rate": 20, "duration": 6.0, "forms": (("axis_gain", "common"),)}
+    case = make(("axis_gain", "poisson"), seed=1, strength=0.8, **options)
+    found = diagnosed(recording_of(case), CAUSES)
+    assert set(names(found)) == {"axis_gain", "poisson"}
+    assert found.model["axis_gain"].gain[2] == pytest.approx(case.truth["axis_gain"]["gain"][2], abs=0.02)
 
 
 def test_the_name_of_a_part_leads_to_its_cause():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded import diagnosed, names, plain, small
+from recorded import diagnosed, make, names, plain, recording_of, small
 
 from paxisim import augment
 from paxisim.diagnose import known_causes
@@ -76,6 +76,13 @@ def test_what_may_explain_nothing_is_not_named():
     found = diagnosed(small("drift", seed=9_100_006, strength=0.74, family="final"))
     assert names(found) == ["drift"]
     assert any(line.startswith("offset was fitted but not named") for line in found.symptoms.warnings)
+
+
+@pytest.mark.slow
+def test_an_offset_that_may_explain_nothing_takes_no_other_cause_with_it():
+    found = diagnosed(recording_of(make(("axis_gain", "interference"), seed=9_000_020_034, family="final")))
+    assert any(line.startswith("offset was fitted but not named") for line in found.symptoms.warnings)
+    assert set(names(found)) == {"axis_gain", "interference"}
 
 
 def test_a_press_beside_its_place_is_no_cause():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from paxisim.diagnose.causes.channels import loaded_taxels
 from paxisim.diagnose.data.problem import FloatArray, Problem
@@ -139,6 +140,7 @@ def _judged(
         & (missing.sum(axis=0) > CHECKS.certain * noise * np.sqrt(force))
     )
     maybe &= (touched & after).sum(axis=0) >= CHECKS.samples
+    maybe &= most > CHECKS.counts * problem.noise.step  # rounding may hide a weaker response, as a loop may
     # the load must be released again: otherwise the channel may be saturated or late
     maybe &= (after & (size < CHECKS.silent * most)).sum(axis=0) >= CHECKS.samples
     told, level = _confirmed(
@@ -177,8 +179,22 @@ def _confirmed(
             loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]
             spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
             seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
-            told[place] = seen >= (1 if unlike else CHECKS.repeats)
+            told[place] = seen >= (1 if unlike else CHECKS.repeats) and _responded(problem, place, after[course])
     return told, level
+
+
+def _responded(problem: Problem, place: tuple[int, int, int, int], after: NDArray[np.bool_]) -> bool:
+    """Whether a channel responded before its failure when its taxel's three forces were as they are after it.
+
+    The forces are compared one by one, because a dead band, coarse counts or a coupling of the axes may keep a channel
+    that works from responding to weak forces.
+    """
+    pad, axis, row, col = place
+    force, read = problem.simulated[:, pad, :, row, col], problem.measured[:, pad, axis, row, col]
+    acts, like = force[after, axis], min(CHECKS.samples, int((~after).sum()))
+    nearest = KDTree(force[~after]).query(force[after], k=np.arange(1, like + 1))[1]  # type: ignore[arg-type]
+    expected = (read[~after] - np.median(read[problem.at_rest & ~after]))[nearest].mean(axis=1)
+    return float(expected @ acts) > CHECKS.responds * float(acts @ acts)
 
 
 def _sums(problem: Problem, where: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,11 +89,23 @@ class Explanation:
         return tuple(named for named in self.named if named.evidence is not None)
 
 
-def explanation_of(off: ReadOff, scorer: Scorer, chosen: Sequence[str], jobs: int = 1) -> Explanation:
-    """Build the explanation from the result of the checks and the names of the causes that a search selected."""
-    problem, chosen = off.problem, confirmed(scorer, chosen)
+def explanation_of(
+    off: ReadOff, scorer: Scorer, chosen: Sequence[str], jobs: int = 1, rejected: Collection[str] = ()
+) -> Explanation:
+    """Build the explanation from the result of the checks and the causes that a search selected.
+
+    Args:
+        off: Result of the checks.
+        scorer: The scorer.
+        chosen: Names of the selected causes.
+        jobs: Number of processors.
+        rejected: Names of causes that are not to be named. A nuisance among them is still fitted with the others,
+            which need it.
+    """
+    problem = off.problem
+    chosen = confirmed(scorer, [n for n in chosen if n not in rejected or scorer.causes[n].nuisance])
     evidence = {name: scorer.evidence(chosen, name, exact=True) for name in chosen if not scorer.causes[name].tacit}
-    asked = {item.name for item in off.causes}
+    asked = {item.name for item in off.causes}.difference(rejected)
     dropped = [n for n, own in evidence.items() if scorer.causes[n].nuisance and not (own.kept and n in asked)]
     fit = scorer.exact(scorer.without(chosen, dropped[0]) if dropped else scorer.fit(chosen))
     every = [Named(item, *_fitted(item, fit, problem), evidence.get(item.name)) for item in fit.causes]
