@@ -24,7 +24,7 @@ def search(scorer: Scorer) -> tuple[str, ...]:
         without = [tuple(n for n in names if n not in nuisances or causes[n].tacit) for names in (found, bare)]
         sets = dict.fromkeys(filter(None, (found, bare, *without)))
         found = min(sets, key=lambda names: scorer.objective(names, nuisances=True, exact=True))
-    return _climbed(scorer, found) if _pruned(scorer, found) else found
+    return _separated(scorer, _climbed(scorer, found) if _pruned(scorer, found) else found)
 
 
 def confirmed(scorer: Scorer, names: Sequence[str]) -> tuple[str, ...]:
@@ -81,6 +81,24 @@ def _pruned(scorer: Scorer, chosen: tuple[str, ...]) -> bool:
         scorer.leave_out(chosen, min(failed, key=lambda e: e.share).name)
         pruned = True
     return pruned
+
+
+def _separated(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
+    """The set with causes added that explain what is beyond the limits of others, if they pass the test."""
+    for name in scorer.shown(chosen):
+        item = scorer.causes[name]
+        if not isinstance(item, FittedCause) or item.beyond in chosen or item.beyond not in scorer.causes:
+            continue
+        values = scorer.fit(chosen).whole.values[name]
+        names = (free.name for free in item.parameters(scorer.problem))
+        if item.beyond_limits(dict(zip(names, values, strict=True))):
+            scorer.put(item.within_limits())
+            both = (*chosen, item.beyond)
+            if scorer.evidence(both, item.beyond).kept:
+                chosen = both
+            else:
+                scorer.put(item)
+    return chosen
 
 
 def _candidates(scorer: Scorer, names: Sequence[str], most: int) -> list[tuple[str, ...]]:

@@ -20,8 +20,8 @@ PROFILES = {"next": (1.0, 0.0, 0.0, 0.0, 0.0), "diagonal": (0.0, 1.0, 0.0, 0.0, 
 SKEW = (1.0, 0.6, 0.3, 0.25, 0.15)  # profile of the differences between x and y
 NEIGHBOURS = (4, 4, 4, 8, 4)  # neighbours of an inner taxel at each of these distances
 
-OWN_SHEAR, OWN_NORMAL = (-0.15, 0.03), (-0.08, 0.03)
-"""Changes of the own gains that layers of all designs cause; larger ones are an axis_gain beside the operator.
+LIMITS = {"own_shear": (-0.15, 0.03), "own_normal": (-0.08, 0.03)}
+"""Changes of the own gains that layers of all designs cause.
 
 `paxisim.nominal_operator` of pads of two sizes, with Poisson's ratios from 0.4 to 0.495 and thicknesses and magnet
 depths 40 % smaller and larger than nominal, has -0.142 to 0 for shear and -0.04 to 0.021 for normal force.
@@ -70,8 +70,8 @@ GEL_OPERATOR = FittedCause(
     make=_operator,
     excites="probe",
     free=lambda p: (
-        Free("own_shear", "1", 0.0, *OWN_SHEAR, 0.1, spread=_held(0.3), words="change of the gain for shear"),
-        Free("own_normal", "1", 0.0, *OWN_NORMAL, 0.1, spread=_held(0.3), words="change of the gain for normal force"),
+        Free("own_shear", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for shear"),
+        Free("own_normal", "1", 0.0, -0.9, 2.0, 0.1, spread=_held(0.3), words="change of the gain for normal force"),
         # the gauge: calibrated on single taxels (0: nothing is lost), or with flat presses (1: they are read correctly)
         Free("taken", "1", 0.5, 0.0, 1.0, 0.3, words="0 if a taxel keeps its load, 1 if it loses what it passes on"),
         *(Free(n, "1", 0.0, -2.0, 2.0, 0.05, 0.003, _held(0.2 if n.endswith("far") else 0.5)) for n in SHARES),
@@ -95,6 +95,8 @@ GEL_OPERATOR = FittedCause(
         CausePart("shear along shear", _kinds("along"), "a neighbour's shear along the line to the taxel"),
         CausePart("normal from shear", _kinds("lift"), "normal force from a neighbour's shear towards the taxel"),
     ),
+    limits=LIMITS,
+    beyond="axis_gain",
     misfit=0.03,
     size=_size,
     barred=no_neighbours,

@@ -119,6 +119,8 @@ class FittedCause(Cause):
         size: Function that returns the size of the values in units of the smallest size of interest; default: derived
             from `Free.material`.
         remembers: Whether only motions at several speeds separate the cause from other memory effects.
+        limits: Least and largest value of parameters beyond which another cause is at work, by name.
+        beyond: Name of that other cause.
         fixed: Names of parameters that stay neutral, because the parts that they belong to were left out.
     """
 
@@ -133,6 +135,8 @@ class FittedCause(Cause):
     owns_gain: bool = False
     size: Callable[[Values, Problem], float] | None = None
     remembers: bool = False
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    beyond: str = ""
     fixed: frozenset[str] = frozenset()
 
     @property
@@ -228,6 +232,19 @@ class FittedCause(Cause):
         return replace(
             self, fixed=self.fixed.union(part.parameters), parts=tuple(p for p in self.parts if p is not part)
         )
+
+    def beyond_limits(self, values: Mapping[str, float | FloatArray]) -> list[str]:
+        """Names of the parameters whose values, by name, are beyond their limits."""
+        return [n for n, (low, high) in self.limits.items() if n in values and not low <= float(values[n]) <= high]
+
+    def within_limits(self) -> FittedCause:
+        """The cause with its parameters bounded by their limits."""
+
+        def free(problem: Problem) -> tuple[Free, ...]:
+            bounds = {f.name: self.limits.get(f.name, (f.low, f.high)) for f in self.free(problem)}
+            return tuple(replace(f, low=bounds[f.name][0], high=bounds[f.name][1]) for f in self.free(problem))
+
+        return replace(self, free=free, limits={}, beyond="")
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
         """See `Cause.amount`."""

@@ -138,7 +138,7 @@ def caveats(
 
 
 def at_bounds(found: Explanation) -> dict[str, str]:
-    """Warnings about parameters that the fit pushes against a bound, by cause."""
+    """Warnings about parameters that the fit pushes against a bound or beyond their limits, by cause."""
     lines = {}
     for named in found.fitted:
         for free in named.cause.parameters(found.problem):
@@ -146,6 +146,12 @@ def at_bounds(found: Explanation) -> dict[str, str]:
             if free.material is not None and value in (free.low, free.high) and value != free.neutral:
                 place = f"{free.name} of {named.name} is at its bound, {value:g} {free.unit}"
                 lines[named.name] = f"{place}: do not rely on its value"
+        item = named.cause
+        if isinstance(item, FittedCause):
+            for name in item.beyond_limits(named.values):
+                most = " to ".join(f"{end:g}" for end in item.limits[name])
+                value = f"{name} of {item.name} is {named.values[name]:.3g}, but the cause itself explains only {most}"
+                lines[item.name] = f"{value}: {item.beyond} may act beside it"
     return lines
 
 

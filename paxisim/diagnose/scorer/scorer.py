@@ -139,11 +139,14 @@ class Scorer:
         return self._lacking[key]
 
     def leave_out(self, names: Sequence[str], part_name: str) -> None:
-        """Replace a cause of a set by the cause without one of its parts, and forget the fits that contain it."""
+        """Replace a cause of a set by the cause without one of its parts."""
         items = [c for c in map(self.causes.__getitem__, names) if isinstance(c, FittedCause)]
-        item, part = next((c, part) for c in items for part in c.parts if part.name == part_name)
+        self.put(next(c.lacking(part) for c in items for part in c.parts if part.name == part_name))
+
+    def put(self, item: Cause) -> None:
+        """Replace the cause of this name, and forget the fits that contain it."""
         name = item.name
-        self.causes[name] = item.lacking(part)
+        self.causes[name] = item
         for cache in (self._fits, self._bare, self._rankings):
             for key in [key for key in cache if name in key]:
                 del cache[key]
