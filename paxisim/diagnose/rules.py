@@ -189,6 +189,7 @@ class Streams:
         gain: Largest ratio of measured to simulated force that a gain may explain.
         scale: Largest such ratio that drift, a field or noise may explain.
         follows: Least correlation between measured and simulated force.
+        clearly: Correlation above which a sensor, or a taxel, clearly follows the simulation.
         stopped: Largest share of the recording during which one stream may stand still while the other changes.
         offset: Largest offset between the clocks, in seconds.
         delay: Largest delay attributed to the sensor, in seconds.
@@ -213,6 +214,7 @@ class Streams:
     gain: float = 5.0
     scale: float = 50.0
     follows: float = 0.2
+    clearly: float = 0.5
     stopped: float = 0.1
     offset: float = 15.0
     delay: float = 0.5

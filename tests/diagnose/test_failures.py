@@ -94,6 +94,21 @@ def test_what_fails_halfway_is_named_with_the_moment_and_nothing_else_is(kind, s
         np.testing.assert_allclose(read[after], recording.measured[after, pad, axis, row, col], atol=0.01)
 
 
+@pytest.mark.parametrize(("chips", "begin"), [([0], 0.0), ([0, 1], 0.0), ([0, 1, 2, 3], 0.0), ([0, 1, 2, 3], 0.5)])
+def test_chips_that_carry_most_of_the_signal_are_named_when_they_are_dead(chips, begin):
+    """A board of five chips, whose dead ones are no reason to refuse the recording or to turn the board."""
+    recording = plain(seed=5, rows=1, cols=5)
+    recording = recording.select(pads=recording.pads[:1])
+    order = np.argsort(-np.sum(np.square(recording.simulated[:, 0]), axis=(0, 1, 2)))
+    dead = order[chips]
+    recording.measured[int(begin * len(recording)) :, 0, :, 0, dead] = 0.0
+    found = diagnosed(recording, (*NEAR, "layout", "interference", "drift"))
+    assert found.verdict == "explained"
+    assert names(found) == ["dead_taxels"]
+    fault = found.model["dead_taxels"]
+    assert set(np.flatnonzero(np.asarray(fault.dead)[0, 0])) == set(dead)
+
+
 @pytest.mark.parametrize("level", [None, 0.0, 1.2])
 def test_a_chip_that_freezes_is_named_although_nothing_presses_it_afterwards(level):
     recording = plain(seed=5)

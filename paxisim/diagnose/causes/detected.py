@@ -24,23 +24,19 @@ class ReadOff:
         problem: The recording after the checks, which remains to be explained.
         readings: Detected faults, by cause.
         causes: All requested causes.
+        silent: ``(pads, 3, rows, cols)`` channels that are not compared, because they never change.
     """
 
     raw: Problem
     problem: Problem
     readings: Mapping[str, Reading]
     causes: tuple[Cause, ...]
+    silent: NDArray[np.bool_]
 
     @cached_property
     def judged(self) -> Problem:
         """The recording on which errors are reported; missing readings of dead taxels count as errors."""
-        dead = self.raw.alive & ~self.problem.alive & ~silent_channels(self.raw)
-        return replace(self.problem, alive=self.problem.alive | dead)
-
-    @property
-    def silent(self) -> NDArray[np.bool_]:
-        """``(pads, 3, rows, cols)`` channels that are not compared, because they never change."""
-        return self.raw.alive & ~self.judged.alive
+        return replace(self.problem, alive=self.raw.alive & ~self.silent)
 
     def with_dead(self, prediction: FloatArray) -> FloatArray:
         """``(T, pads, 3, rows, cols)`` N, a prediction with the detected dead or stuck taxels."""
@@ -70,4 +66,4 @@ def read_off(raw: Problem, causes: Sequence[Cause]) -> ReadOff:
             "no taxel responds to the simulated contacts: was the sensor connected, and is it the same motion, in "
             "newtons?"
         )
-    return ReadOff(raw, problem, readings, tuple(causes))
+    return ReadOff(raw, problem, readings, tuple(causes), silent)

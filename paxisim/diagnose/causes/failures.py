@@ -130,7 +130,8 @@ def _judged(
     forces, answers, spreads = _sums(problem, after)
     force, answer = forces.sum(axis=0), answers.sum(axis=0)
     frames = np.stack([after[span].sum(axis=0) for span in problem.episodes])
-    silent = np.all(spreads <= (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples), axis=0)
+    chance = (CHECKS.quiet * noise) ** 2 * np.maximum(frames, CHECKS.samples)
+    silent = np.all(spreads <= np.maximum(chance, CHECKS.silent**2 * forces), axis=0)
     silent &= (np.abs(answer) < CHECKS.silent * force) | (np.abs(answer) < CHECKS.certain * noise * np.sqrt(force))
 
     missing = np.abs(slope) * forces - np.sign(slope) * answers
@@ -193,7 +194,7 @@ def _responded(problem: Problem, place: tuple[int, int, int, int], after: NDArra
     force, read = problem.simulated[:, pad, :, row, col], problem.measured[:, pad, axis, row, col]
     acts, like = force[after, axis], min(CHECKS.samples, int((~after).sum()))
     nearest = KDTree(force[~after]).query(force[after], k=np.arange(1, like + 1))[1]  # type: ignore[arg-type]
-    expected = (read[~after] - np.median(read[problem.at_rest & ~after]))[nearest].mean(axis=1)
+    expected, acts = read[~after][nearest].mean(axis=1), acts - acts.mean()
     return float(expected @ acts) > CHECKS.responds * float(acts @ acts)
 
 

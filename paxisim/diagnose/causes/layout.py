@@ -62,18 +62,22 @@ def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> boo
         return np.abs(np.sum(a * b, axis=0)) / np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0) + 1e-12)
 
     load = np.maximum(np.ptp(given, axis=0), np.ptp(moved, axis=0))
-    loaded = (load > CHECKS.load * load.max()) & np.any(given != moved, axis=0)
+    loaded = (load > CHECKS.load * load.max()) & np.any(given != moved, axis=0) & (np.ptp(measured, axis=0) > 0)
     return float(np.mean((each(moved) > each(given) - CHECKS.equal)[loaded])) > CHECKS.moved
 
 
 def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> FloatArray:
-    """Correlation in each episode that has a load; the median of each taxel is subtracted from the measurement."""
+    """Correlation in each episode that has a load; the median of each taxel is subtracted from the measurement.
+
+    Taxels that never change are left out: a dead one says nothing of its place.
+    """
     out = []
     least = max(0.1 * float(np.abs(simulated).max()), problem.noise.step)
+    changes = np.ptp(measured, axis=0) > 0
     for span in problem.episodes:
         a, b = measured[span], simulated[span]
         if np.abs(b).max() > least:
-            a = a - np.median(measured, axis=0)
+            a, b = (a - np.median(measured, axis=0))[:, changes], b[:, changes]
             out.append(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b) + 1e-12))
     return np.array(out or [0.0])
 

@@ -7,7 +7,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from paxisim.diagnose.data.problem import peak_of
+from paxisim.diagnose.data.problem import FloatArray, peak_of
 from paxisim.diagnose.rules import STREAMS
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans, episode_starts
@@ -189,10 +189,10 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     if np.array_equal(x, y):
         warnings.append("measured and simulated are identical: is one a copy of the other?")
     y, x = y - y.mean(axis=0), x - x.mean(axis=0)
-    product, own, other = float(np.sum(x * y)), float(np.sum(x * x)), float(np.sum(y * y))
+    product, own, other = _products(x, y)
     alike = product / max(np.sqrt(own * other), 1e-300)
     scale, slope = np.sqrt(other / own), abs(product) / own
-    follows = abs(alike) > 0.5
+    follows = abs(alike) > STREAMS.clearly
     if (follows and not 1 / STREAMS.gain <= slope <= STREAMS.gain) or scale > STREAMS.scale:
         ratio = slope if follows else scale
         raise InvalidValueError(
@@ -219,6 +219,15 @@ def _check_signals(recording: Recording, warnings: list[str]) -> None:
     stuck = int(np.sum(np.ptp(recording.measured, axis=0) == 0))
     if stuck > 0.5 * recording.measured[0].size:
         warnings.append(f"{stuck} of {recording.measured[0].size} channels never change")
+
+
+def _products(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
+    """Sums of x * y, x^2 and y^2 of both streams, without dead taxels if others follow the simulation."""
+    product, own, other = (np.sum(values, axis=(0, 2)) for values in (x * y, x * x, y * y))
+    alike = np.abs(product) / np.maximum(np.sqrt(own * other), 1e-300)
+    dead = (other * STREAMS.gain**2 < own) & (alike < STREAMS.follows)
+    counted = ~dead if np.any(alike > STREAMS.clearly) else np.ones_like(dead)
+    return tuple(float(values[counted].sum()) for values in (product, own, other))  # type: ignore[return-value]
 
 
 def _cut(recording: Recording) -> Recording:
