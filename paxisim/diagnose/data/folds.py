@@ -2,7 +2,8 @@
 
 The unit is the episode, because its samples share the errors of one contact. If a single episode excites a cause, it is
 split into two blocks with a gap between them: the cause is fitted to one and tested on the other. In a recording with
-few episodes all of them are split into blocks.
+few episodes all of them are split into blocks. The first press of a recording without breaks is never held out: only it
+finds the sensor untouched, so no other press shows how a sensor with memory reads it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Folds:
 
     Attributes:
         unit: ``(T,)`` unit of each sample; -1 in the gap between two blocks.
-        fold: ``(units,)`` fold of each unit.
+        fold: ``(units,)`` fold of each unit; -1 for one that is never held out.
         episode: ``(units,)`` episode of each unit.
         split: Indices of the episodes that were split.
     """
@@ -35,13 +36,18 @@ class Folds:
     split: tuple[int, ...]
 
     @property
+    def kept(self) -> tuple[int, ...]:
+        """Indices of the episodes that are never held out."""
+        return tuple(dict.fromkeys(self.episode[self.fold < 0].tolist()))
+
+    @property
     def count(self) -> int:
         """Number of folds."""
         return int(self.fold.max()) + 1
 
     @property
     def of_sample(self) -> NDArray[np.intp]:
-        """``(T,)`` fold that holds each sample out; the gap after a block takes the fold of the block."""
+        """``(T,)`` fold that holds each sample out, or -1; the gap after a block takes the fold of the block."""
         unit = np.maximum.accumulate(np.where(self.unit >= 0, self.unit, 0))
         return self.fold[unit]
 
@@ -73,7 +79,12 @@ def folds_of(problem: Problem, effects: Iterable[FloatArray], rules: Rules) -> F
             short = gap if stop < span.stop and stop - start > 2 * gap else 0
             unit[start : stop - short] = len(episode)
             episode.append(number)
-    fold = np.arange(len(episode)) % min(rules.folds, len(episode))
+    tested = np.ones(len(episode), dtype=bool)
+    if count >= rules.few_episodes and problem.runs_on and problem.has_contact:
+        tested = np.array(episode) != next(
+            n for n, span in enumerate(problem.episodes) if problem.simulated[span].any()
+        )
+    fold = np.where(tested, (np.cumsum(tested) - 1) % min(rules.folds, tested.sum()), -1)
     split = tuple(number for number, inner in enumerate(cuts) if len(inner))
     return Folds(unit, fold, np.array(episode), split)
 

@@ -106,6 +106,11 @@ class Problem:
         return all(after >= before for before, after in zip(ends, starts[1:], strict=False))
 
     @cached_property
+    def runs_on(self) -> bool:
+        """Whether several episodes follow one another without a break, so that a sensor remembers all earlier ones."""
+        return len(self.episodes) > 1 == len(in_one_piece(self.time, self.episodes))
+
+    @cached_property
     def has_contact(self) -> bool:
         """Whether the simulation shows any force."""
         return bool(self.simulated.any())
