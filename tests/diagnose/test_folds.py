@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded import plain
+from recorded import diagnosed, plain
 
 from paxisim.diagnose.causes.vocabulary import cause
 from paxisim.diagnose.data.problem import problem_of
@@ -36,6 +36,17 @@ def test_many_episodes_share_folds(recording):
     found = folds(replace(recording, episode=halves), "axis_gain")
     assert (len(found.fold), found.count) == (16, RULES.folds)
     assert (np.bincount(found.fold) == 2).all()
+
+
+def test_the_first_press_of_an_unbroken_recording_is_never_held_out(recording):
+    unbroken = replace(recording, time=0.05 * np.arange(len(recording)))
+    found = folds(unbroken, "axis_gain")
+    np.testing.assert_array_equal(found.fold, [-1, *range(7)])
+    assert found.kept == (0,)
+    assert (found.of_sample[recording.episode == 0] == -1).all()
+    told = diagnosed(unbroken, ("axis_gain", "creep")).heldout.note
+    assert "Episode 1 was not held out" in told
+    assert "not held out" not in diagnosed(recording, ("axis_gain", "creep")).heldout.note
 
 
 def test_an_episode_that_alone_excites_a_cause_is_split_in_two_blocks_with_a_gap(recording):

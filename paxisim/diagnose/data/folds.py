@@ -2,8 +2,8 @@
 
 The unit is the episode, because its samples share the errors of one contact. If a single episode excites a cause, it is
 split into two blocks with a gap between them: the cause is fitted to one and tested on the other. In a recording with
-few episodes all of them are split into blocks. The first press of a recording without breaks is never held out: only it
-finds the sensor untouched, so no other press shows how a sensor with memory reads it.
+few episodes all of them are split into blocks. The first press of a recording without breaks is held out only if it is
+split: no other press finds the sensor untouched, so none shows how a sensor with memory reads it.
 """
 
 from __future__ import annotations
@@ -81,9 +81,8 @@ def folds_of(problem: Problem, effects: Iterable[FloatArray], rules: Rules) -> F
             episode.append(number)
     tested = np.ones(len(episode), dtype=bool)
     if count >= rules.few_episodes and problem.runs_on and problem.has_contact:
-        tested = np.array(episode) != next(
-            n for n, span in enumerate(problem.episodes) if problem.simulated[span].any()
-        )
+        first = next(number for number, span in enumerate(problem.episodes) if problem.simulated[span].any())
+        tested = (np.array(episode) != first) | (len(cuts[first]) > 0)
     fold = np.where(tested, (np.cumsum(tested) - 1) % min(rules.folds, tested.sum()), -1)
     split = tuple(number for number, inner in enumerate(cuts) if len(inner))
     return Folds(unit, fold, np.array(episode), split)

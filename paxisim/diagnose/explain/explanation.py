@@ -154,7 +154,7 @@ def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: F
 
 
 def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> FloatArray:
-    """``(T, pads, 3, rows, cols)`` N, prediction of each sample by the fit to the other folds, or to all if it has none."""
+    """``(T, pads, 3, rows, cols)`` N, prediction of each sample by the fit to the other folds, if it is in one."""
     fold = folds.of_sample
     inside = np.any(fold < 0)
     out = predicted(problem, fit.causes, fit.whole, fit.constant) if inside else np.empty_like(problem.simulated)
