@@ -54,7 +54,7 @@ def test_a_held_out_episode_says_nothing_of_its_own_prediction(problem, names):
 
 def squared(before, after=1.0, floor=1.0, without=None):
     each = np.ones(EPISODES)
-    return SquaredErrors(before * each, after * each, without or {}, floor * each, 9 * each, "", ())
+    return SquaredErrors(before * each, after * each, without or {}, floor * each, 9 * each, "", (), ())
 
 
 def test_a_gain_is_a_share_of_what_can_be_explained():
