@@ -32,8 +32,8 @@ AUGMENT = """
     TaxelDirection TaxelGain TemperatureDrift TotalForce Transform WhiteNoise encoding parameter parameters
 """
 DIAGNOSE = """
-    BaselineCause Cause CausePart DetectedCause Diagnosis FittedCause FittedParameter FoundCause FoundPart Free Gauge
-    HeldOut Interval LeftOver PerChannelCause Place Reading Symptoms diagnose known_causes register_cause
+    BaselineCause Cause CausePart Derived DetectedCause Diagnosis FittedCause FittedParameter FoundCause FoundPart Free
+    Gauge HeldOut Interval LeftOver PerChannelCause Place Reading Symptoms diagnose known_causes register_cause
 """
 
 PACKAGES = {paxisim: PUBLIC, paxisim.augment: AUGMENT, paxisim.diagnose: DIAGNOSE}

@@ -1,12 +1,13 @@
 from .causes.kinds import BaselineCause as BaselineCause
 from .causes.kinds import Cause as Cause
-from .causes.kinds import CausePart as CausePart
 from .causes.kinds import DetectedCause as DetectedCause
 from .causes.kinds import FittedCause as FittedCause
-from .causes.kinds import Free as Free
-from .causes.kinds import Gauge as Gauge
 from .causes.kinds import PerChannelCause as PerChannelCause
 from .causes.kinds import Reading as Reading
+from .causes.parameters import CausePart as CausePart
+from .causes.parameters import Derived as Derived
+from .causes.parameters import Free as Free
+from .causes.parameters import Gauge as Gauge
 from .causes.vocabulary import known_causes as known_causes
 from .causes.vocabulary import register_cause as register_cause
 from .diagnosis import Diagnosis as Diagnosis
