@@ -29,7 +29,8 @@ class Rules:
             local minimum and is repeated from the causes' own starts.
         promise: Smallest linearised gain for which a candidate is fitted, as a share of the materiality threshold.
         most: Largest number of causes.
-        tie: Share of a cause's gain by which a rival may be worse, because no form is known more precisely.
+        tie: Share of a cause's gain by which a rival may be worse, and share of its effect that a part must exceed
+            to be reported, because no form is known more precisely.
         near_miss: Share of the required gain above which a cause that is not named is mentioned.
         explains: Smallest share of the explainable error that the named causes together must explain if clear structure
             remains in the residual.

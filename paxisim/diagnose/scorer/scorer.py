@@ -197,7 +197,7 @@ class Scorer:
         item, fit = self.causes[name], self.fit(names)
         if not isinstance(item, FittedCause) or len(item.parts) < 2:
             return []
-        needed = self.material + self._misfit(fit, name)
+        needed = self.material + self._misfit(fit, name) + self.rules.tie * fit.effects[name]
         out = []
         for part in item.parts:
             amount = item.amount_of(part, fit.whole.values[name], self.problem)
