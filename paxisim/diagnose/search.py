@@ -89,9 +89,7 @@ def _separated(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
         item = scorer.causes[name]
         if not isinstance(item, FittedCause) or item.beyond in chosen or item.beyond not in scorer.causes:
             continue
-        values = scorer.fit(chosen).whole.values[name]
-        names = (free.name for free in item.parameters(scorer.problem))
-        if item.beyond_limits(dict(zip(names, values, strict=True))):
+        if item.beyond_limits(scorer.fit(chosen).whole.values[name], scorer.problem):
             scorer.put(item.within_limits())
             both = (*chosen, item.beyond)
             if scorer.evidence(both, item.beyond).kept:

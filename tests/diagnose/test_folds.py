@@ -42,7 +42,7 @@ def test_the_first_press_of_an_unbroken_recording_is_never_held_out(recording):
     unbroken = replace(recording, time=0.05 * np.arange(len(recording)))
     found = folds(unbroken, "axis_gain")
     np.testing.assert_array_equal(found.fold, [-1, *range(7)])
-    assert found.kept == (0,)
+    assert found.never_held_out == (0,)
     assert (found.of_sample[recording.episode == 0] == -1).all()
     told = diagnosed(unbroken, ("axis_gain", "creep")).heldout.note
     assert "Episode 1 was not held out" in told

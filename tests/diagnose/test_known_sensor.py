@@ -50,6 +50,7 @@ def test_a_unit_that_differs_from_it_is_named(recording):
     other = dataclasses.replace(OPERATOR, poisson=(0.15, 0.05))
     found = diagnosed(recording, CAUSES, sensor=other)
     assert names(found) == ["poisson"]  # which owns the gain, as if it were the sensor's calibration
+    assert any("axis_gain may act beside it" in warning for warning in found.symptoms.warnings)
     (poisson,) = (p for p in found.causes[0].parameters if p.name == "poisson_next")
     assert poisson.value.value == pytest.approx(0.15, abs=0.05)
 

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
 
@@ -151,7 +151,8 @@ class FittedCause(Cause):
 
     def transform(self, values: FloatArray, problem: Problem) -> Transform:
         """The transform with fitted values, including those of the gauge."""
-        made, gain = self.make(self._own(values, problem), problem), self._gain(values, problem)
+        own, gain = self._parted(values, problem)
+        made = self.make(own, problem)
         if self.gauge is None or np.all(gain == 1):
             return made
         after: Transform = augment.AxisGain(tuple(gain))
@@ -159,23 +160,23 @@ class FittedCause(Cause):
             after = augment.Chain([after])
         return augment.Chain([made, after], [self.name, self.gauge.name])
 
-    def _own(self, values: Values, problem: Problem) -> list[float]:
-        """The values of all of `free`, from those of `parameters`."""
-        given = iter(values)
-        return [f.neutral if f.name in self.fixed else float(next(given)) for f in self.free(problem)]
-
-    def _gain(self, values: Values, problem: Problem) -> FloatArray:
-        """The ``(3,)`` gain of the gauge."""
+    def _parted(self, values: Values, problem: Problem) -> tuple[list[float], FloatArray]:
+        """The values of all of `free`, and the ``(3,)`` gain of the gauge, from the values of `parameters`."""
+        count = len(self.gauge.free) if self.gauge else 0
+        own = [float(v) for v in values]
+        own, shares = own[: len(own) - count], own[len(own) - count :]
+        if self.fixed:
+            given = iter(own)
+            own = [f.neutral if f.name in self.fixed else next(given) for f in self.free(problem)]
         if self.gauge is None:
-            return np.ones(3)
-        shares = np.asarray(values[-len(self.gauge.free) :], dtype=np.float64)[[-1, -1, 0]]
-        return 1 + shares * (self.gauge.gain(self._own(values, problem), problem) - 1)
+            return own, np.ones(3)
+        return own, 1 + np.array([shares[-1], shares[-1], shares[0]]) * (self.gauge.gain(own, problem) - 1)
 
     def combined(
         self, x: NDArray[np.floating], basis: NDArray[np.floating], values: FloatArray, problem: Problem
     ) -> NDArray[np.floating]:
         """The same as `on`, given the `basis` of `x`."""
-        own, gain = self._own(values, problem), self._gain(values, problem)
+        own, gain = self._parted(values, problem)
         self.make(own, problem)  # raises if it refuses these values
         y = x + np.tensordot(np.asarray(own, dtype=basis.dtype), basis, 1)
         return y if np.all(gain == 1) else y * gain.astype(y.dtype)[:, None, None]
@@ -219,13 +220,13 @@ class FittedCause(Cause):
         if not self.fixed:
             return self.starts(problem)
         free = self.free(problem)
-        starts = [self._neutral_unless(lambda name: name not in self.fixed, s, problem) for s in self.starts(problem)]
+        starts = [self._without(self.fixed, start, problem) for start in self.starts(problem)]
         acts = [any(f.material and v != f.neutral for f, v in zip(free, start, strict=True)) for start in starts]
         return list(compress(starts, acts)) or [[f.neutral for f in free]]
 
-    def _neutral_unless(self, kept: Callable[[str], bool], own: Values, problem: Problem) -> list[float]:
-        """Values of `free` with all parameters neutral but those whose names are `kept`."""
-        return [float(v) if kept(f.name) else f.neutral for f, v in zip(self.free(problem), own, strict=True)]
+    def _without(self, names: Collection[str], own: Values, problem: Problem) -> list[float]:
+        """Values of `free` with the parameters of these names neutral."""
+        return [f.neutral if f.name in names else float(v) for f, v in zip(self.free(problem), own, strict=True)]
 
     def lacking(self, part: CausePart) -> FittedCause:
         """The cause without one of its parts, whose parameters stay neutral."""
@@ -233,27 +234,28 @@ class FittedCause(Cause):
             self, fixed=self.fixed.union(part.parameters), parts=tuple(p for p in self.parts if p is not part)
         )
 
-    def beyond_limits(self, values: Mapping[str, float | FloatArray]) -> list[str]:
-        """Names of the parameters whose values, by name, are beyond their limits."""
-        return [n for n, (low, high) in self.limits.items() if n in values and not low <= float(values[n]) <= high]
+    def beyond_limits(self, values: Values, problem: Problem) -> dict[str, float]:
+        """The parameters that are beyond their limits, with their values."""
+        given = {free.name: float(value) for free, value in zip(self.parameters(problem), values, strict=True)}
+        return {n: given[n] for n, (low, high) in self.limits.items() if n in given and not low <= given[n] <= high}
 
     def within_limits(self) -> FittedCause:
         """The cause with its parameters bounded by their limits."""
 
         def free(problem: Problem) -> tuple[Free, ...]:
-            bounds = {f.name: self.limits.get(f.name, (f.low, f.high)) for f in self.free(problem)}
-            return tuple(replace(f, low=bounds[f.name][0], high=bounds[f.name][1]) for f in self.free(problem))
+            bounds = ((f, self.limits.get(f.name, (f.low, f.high))) for f in self.free(problem))
+            return tuple(replace(f, low=low, high=high) for f, (low, high) in bounds)
 
-        return replace(self, free=free, limits={}, beyond="")
+        return replace(self, free=free)
 
     def amount(self, values: FloatArray, problem: Problem) -> float:
         """See `Cause.amount`."""
-        return self._amount(self._own(values, problem), problem)
+        return self._amount(self._parted(values, problem)[0], problem)
 
     def amount_of(self, part: CausePart, values: Values, problem: Problem) -> float:
         """Size of one part of the values, in units of the smallest size of interest."""
-        own = self._own(values, problem)
-        return self._amount(self._neutral_unless(lambda name: name in part.parameters, own, problem), problem)
+        others = {free.name for free in self.free(problem)}.difference(part.parameters)
+        return self._amount(self._without(others, self._parted(values, problem)[0], problem), problem)
 
     def _amount(self, own: Values, problem: Problem) -> float:
         if self.size is not None:

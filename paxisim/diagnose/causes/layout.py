@@ -74,10 +74,10 @@ def _alike(measured: FloatArray, simulated: FloatArray, problem: Problem) -> Flo
     out = []
     least = max(0.1 * float(np.abs(simulated).max()), problem.noise.step)
     changes = np.ptp(measured, axis=0) > 0
+    measured = (measured - np.median(measured, axis=0))[:, changes]
     for span in problem.episodes:
-        a, b = measured[span], simulated[span]
-        if np.abs(b).max() > least:
-            a, b = (a - np.median(measured, axis=0))[:, changes], b[:, changes]
+        if np.abs(simulated[span]).max() > least:
+            a, b = measured[span], simulated[span][:, changes]
             out.append(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b) + 1e-12))
     return np.array(out or [0.0])
 

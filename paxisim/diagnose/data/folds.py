@@ -36,7 +36,7 @@ class Folds:
     split: tuple[int, ...]
 
     @property
-    def kept(self) -> tuple[int, ...]:
+    def never_held_out(self) -> tuple[int, ...]:
         """Indices of the episodes that are never held out."""
         return tuple(dict.fromkeys(self.episode[self.fold < 0].tolist()))
 

@@ -148,10 +148,10 @@ def at_bounds(found: Explanation) -> dict[str, str]:
                 lines[named.name] = f"{place}: do not rely on its value"
         item = named.cause
         if isinstance(item, FittedCause):
-            for name in item.beyond_limits(named.values):
+            for name, value in item.beyond_limits(found.fit.whole.values[item.name], found.problem).items():
                 most = " to ".join(f"{end:g}" for end in item.limits[name])
-                value = f"{name} of {item.name} is {named.values[name]:.3g}, but the cause itself explains only {most}"
-                lines[item.name] = f"{value}: {item.beyond} may act beside it"
+                place = f"{name} of {item.name} is {value:.3g}, but the cause itself explains only {most}"
+                lines[item.name] = f"{place}: {item.beyond} may act beside it"
     return lines
 
 

@@ -156,14 +156,14 @@ def predicted(problem: Problem, causes: Sequence[Cause], part: Part, constant: F
 def heldout_of(problem: Problem, folds: Folds, fit: Fit, jobs: int = 1) -> FloatArray:
     """``(T, pads, 3, rows, cols)`` N, prediction of each sample by the fit to the other folds, if it is in one."""
     fold = folds.of_sample
-    inside = np.any(fold < 0)
-    out = predicted(problem, fit.causes, fit.whole, fit.constant) if inside else np.empty_like(problem.simulated)
+    out = np.empty_like(problem.simulated)
 
     def fill(number: int) -> None:
         mine = fold == number
-        out[mine] = predicted(problem, fit.causes, fit.folds[number], fit.constant)[mine]
+        part = fit.whole if number < 0 else fit.folds[number]
+        out[mine] = predicted(problem, fit.causes, part, fit.constant)[mine]
 
-    parallel_map(fill, range(len(fit.folds)), jobs)
+    parallel_map(fill, np.unique(fold).tolist(), jobs)
     return out
 
 

@@ -16,7 +16,7 @@ from paxisim.diagnose.rules import STREAMS
 RESAMPLES = 400  # bootstrap resamples
 CONFIDENCE_LEVEL = 0.9  # confidence level of the intervals
 CHOSEN = "The causes were selected on the same held-out episodes; their parameters were fitted without them."
-KEPT = "Episode {} was not held out, because only there the sensor had not been pressed before."
+NOT_HELD_OUT = "Episode {} was not held out, because only there the sensor had not been pressed before."
 MIN_EXPLAINABLE = 0.02  # least explainable error, relative to the noise floor
 EQUAL_STREAMS = 1e-5  # difference, relative to the force, up to which noise-free streams count as equal
 SLOW_NOISE = 2.5  # largest ratio of the variance at rest to that of the fast noise
@@ -34,7 +34,7 @@ class SquaredErrors:
         force: ``(episodes,)`` squares of the measured force.
         source: What the noise floor was estimated from.
         split: Indices of the episodes that were split into blocks, which were held out in turn.
-        kept: Indices of the episodes that were never held out.
+        never_held_out: Indices of the episodes that were never held out.
     """
 
     before: FloatArray
@@ -44,7 +44,7 @@ class SquaredErrors:
     force: FloatArray
     source: str
     split: tuple[int, ...]
-    kept: tuple[int, ...]
+    never_held_out: tuple[int, ...]
 
     @property
     def room(self) -> FloatArray:
@@ -69,7 +69,7 @@ def squares_of(found: Explanation, jobs: int = 1) -> SquaredErrors:
         force=by_episode(problem, problem.measured),
         source=source,
         split=found.folds.split,
-        kept=found.folds.kept,
+        never_held_out=found.folds.never_held_out,
     )
 
 
@@ -175,7 +175,7 @@ def figures(squares: SquaredErrors, seed: int, ceiling: FloatArray | None, note:
         numbers = ", ".join(str(number + 1) for number in squares.split)
         those = f"Episodes {numbers} were" if len(squares.split) > 1 else f"Episode {numbers} was"
         notes.append(f"{those} split into blocks that were held out in turn.")
-    notes += [KEPT.format(number + 1) for number in squares.kept]
+    notes += [NOT_HELD_OUT.format(number + 1) for number in squares.never_held_out]
     if np.any(squares.after != squares.before):
         notes.append(CHOSEN)
     black = None if ceiling is None else explained_share(squares, ceiling, seed)
