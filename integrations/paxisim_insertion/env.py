@@ -20,7 +20,7 @@ from .observations import RAW as RAW
 from .observations import make_spaces, observed_poses
 from .reward import reward_terms, weighted
 from .tasks import Parameters, find_task
-from .transfer import Gap
+from .transfer import Gap, StandIn
 
 CONTROL_DT = 0.05
 
@@ -51,9 +51,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         task: The task.
         method: The method.
         terminates: Whether the first success ends an episode.
-        sensor: The chain that replaces the drawn one, or None; may be changed between episodes.
-        surface: Heights ``(pads, rows, cols)`` (m) of that sensor's taxels, None for flat pads; may be changed between
-            episodes.
+        stand_in: The sensor that replaces the drawn one, or None; may be changed between episodes.
         has_gap: Whether the robot differs from the simulated one in each episode.
         layout: Taxel layout of each pad.
         history: The encoded history of readings that the policy sees.
@@ -70,7 +68,7 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         *,
         engine: str = "robosuite",
         gcs: paxisim.GCS | None = None,
-        sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain] | None = None,
+        sensor: paxisim.Chain | Callable[[paxisim.TaxelLayout], StandIn] | None = None,
         parameters: Parameters | None = None,
         gap: bool = False,
         ranges: paxisim.SceneRanges | None = None,
@@ -85,9 +83,9 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
             engine: Engine of the simulation: ``"robosuite"``, the reference, or ``"native"``, about four times as fast.
             gcs: Randomisation drawn for each episode, such as
                 ``paxisim.GCS.around(diagnosis.model, diagnosis.intervals)``. Default: that of the method.
-            sensor: A surrogate of a real sensor: the simulator's readings pass through it instead of through a chain
-                drawn for each episode, and the surface stays flat. A function gets the pads' layout and returns the
-                chain.
+            sensor: A sensor in place of the simulated one: the simulator's readings pass through its chain instead of
+                one drawn for each episode. With a chain alone the pads are flat; a function gets the pads' layout and
+                returns the sensor with its surface and gel.
             parameters: Values that the paper does not specify.
             gap: Draw differences between the robot and the simulated one for each episode, see `Gap`.
             ranges: Ranges of the pads' friction, stiffness, mounts and surfaces, drawn for each episode that has
@@ -112,10 +110,10 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         self._tactile = self.scene.tactile
         self.layout, self._pads = self._tactile.pads.layout, len(self._tactile.pads)
         self._variation = self._tactile.vary(ranges or paxisim.SceneRanges())
-        if not (sensor is None or isinstance(sensor, paxisim.Chain)):
-            sensor = sensor(self.layout)
-        self.sensor: paxisim.Chain | None = sensor
-        self.surface: NDArray[np.floating] | None = None
+        if isinstance(sensor, paxisim.Chain):
+            self.stand_in: StandIn | None = StandIn(sensor)
+        else:
+            self.stand_in = None if sensor is None else sensor(self.layout)
         self.has_gap = gap
         self._gap: Gap | None = None
         self.history = self.method.history(self.task, self.layout)
@@ -134,11 +132,13 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
 
     @property
     def _draw(self) -> paxisim.GCS:
-        """Randomisation from which surfaces and, without a sensor, chains are drawn."""
-        return NOTHING_DRAWN if self.gcs is None or self.sensor is not None else self.gcs
+        """Randomisation from which surfaces and chains are drawn."""
+        return NOTHING_DRAWN if self.gcs is None or self.stand_in is not None else self.gcs
 
     def _check_chains(self) -> None:
-        chain = self.sensor or self._draw.sample(np.random.default_rng(0), layout=self.layout, pads=self._pads)
+        chain = self._draw.sample(np.random.default_rng(0), layout=self.layout, pads=self._pads)
+        if self.stand_in is not None:
+            chain = self.stand_in.chain
         force = np.zeros_like(self.raw)
         chain.step(force, chain.initial_state(force, self._covariates()), CONTROL_DT, self._covariates())
 
@@ -164,13 +164,16 @@ class InsertionEnv(gymnasium.Env[dict[str, NDArray[np.float32]], NDArray[np.floa
         rng = self.np_random
         bottom = rng.uniform(*self.parameters.start)
         grasp = Grasp.draw(rng, self.parameters)
-        draw = self._draw
-        surface = self.surface
-        if surface is None or self.sensor is None:
-            surface = draw.sample_surface(rng, layout=self.layout, pads=self._pads)
-        chain = self.sensor or draw.sample(rng, layout=self.layout, pads=self._pads)
-        if self.sensor is None and not self.has_gap:
-            surface = surface + self._variation.draw(rng).heights
+        surface = self._draw.sample_surface(rng, layout=self.layout, pads=self._pads)
+        stand_in = self.stand_in
+        if stand_in is not None:
+            chain = stand_in.chain
+            surface = surface if stand_in.surface is None else stand_in.surface
+            self._tactile.set_gel(stand_in.gel or self._tactile.gel)
+        else:
+            chain = self._draw.sample(rng, layout=self.layout, pads=self._pads)
+            if not self.has_gap:
+                surface = surface + self._variation.draw(rng).heights
         self.scene.place(bottom, grasp, surface)
         if self.has_gap:
             self._gap = Gap.draw(rng)

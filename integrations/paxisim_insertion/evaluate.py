@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -20,7 +20,11 @@ from .policy import Trained
 from .results import DRAWN, FIRST_SEED, IN_SIMULATION, OUT, TRANSFER, Result, interval_of, sensor_name, versions
 from .run import Run
 from .shell import command
-from .transfer import magnetic_unit, own_surface, sensors
+from .surrogates import OPEN
+from .transfer import StandIn, of_unit, sensors
+
+TOUCHES = 0.1
+"""Smallest force (N) between peg and base that counts as a touch."""
 
 
 def evaluate(
@@ -28,8 +32,7 @@ def evaluate(
     *,
     trials: int = 50,
     sensor: str | Path | None = None,
-    transfer: bool = False,
-    uneven: bool = False,
+    transfer: Literal["pads", "surrogates"] | None = None,
     drawn: bool = False,
     engine: Literal["robosuite", "native", "warp"] = "robosuite",
     out: Path = OUT,
@@ -39,13 +42,11 @@ def evaluate(
     Args:
         run: Folder of the run.
         trials: Number of episodes.
-        sensor: A surrogate of a real sensor: a chain saved by paxisim, or reference:unit:N for the N-th unit of
+        sensor: A stand-in for a real sensor: a chain saved by paxisim, or reference:unit:N for the N-th unit of
             paxisim's magnetic pad, with +memory for a gel that creeps and +neighbour for the other pad's magnets.
             Default: the sensor that the method is trained with.
-        transfer: Spread the episodes over 25 sensors that no training has seen, on a robot with a noisy p_t and a
-            miscalibrated controller and joints, see Gap.
-        uneven: Give the units of the magnetic pad, of --sensor reference:unit:N or --transfer, the uneven surfaces of
-            those units. The published figures are without.
+        transfer: Spread the episodes over 25 sensors that no training has seen, magnetic pads or surrogates, on a robot
+            with a noisy p_t and a miscalibrated controller and joints, see Gap.
         drawn: Sample the actions from the policy, as in training, instead of taking the most likely ones.
         engine: Engine of the simulation: robosuite's, the reference; plain MuJoCo; or MuJoCo Warp, with all episodes at
             once.
@@ -53,60 +54,91 @@ def evaluate(
     """
     if trials < 1:
         raise paxisim.InvalidValueError(f"expected at least one trial, got {trials}")
-    if transfer + drawn + (sensor is not None) > 1:
+    others = (transfer is not None) + drawn + (sensor is not None)
+    if others > 1:
         raise paxisim.InvalidValueError("expected one of --sensor, --transfer and --drawn")
-    if engine == "warp" and (transfer or drawn or sensor is not None):
+    if engine == "warp" and others:
         raise paxisim.InvalidValueError("expected --engine warp without --sensor, --transfer and --drawn")
-    if uneven and not (transfer or sensor is not None):
-        raise paxisim.InvalidValueError("expected --uneven with --transfer or --sensor reference:unit:N")
     this = Run.open(run)
-    chain = None if sensor is None else surrogate_of(str(sensor))
+    stand_in = None if sensor is None else stand_in_of(str(sensor))
     alone = "native" if engine == "warp" else engine
-    env = this.insertion_env(sensor=chain, gap=transfer, engine=alone, terminate_on_success=True)
+    env = this.insertion_env(sensor=stand_in, gap=transfer is not None, engine=alone, terminate_on_success=True)
     try:
-        if uneven and env.sensor is not None:
-            env.surface = own_surface(env.sensor)
         trained = this.policy(env)
         if engine == "warp":
-            solved = {IN_SIMULATION: _solved_on_warp(this, trained, trials)}
+            solved = _solved_on_warp(this, trained, trials)
+            episodes = [Episode("", success, np.zeros(0)) for success in solved]
         else:
-            solved = _solved(env, partial(trained.act, deterministic=not drawn), trials, transfer, uneven)
+            act = partial(trained.act, deterministic=not drawn)
+            turns = sensors(transfer, env.layout, trials) if transfer else [env.stand_in]
+            episodes = []
+            for trial in range(trials):
+                env.stand_in = turns[trial % len(turns)]
+                episodes.append(play_episode(env, act, FIRST_SEED + trial))
     finally:
         env.close()
-    name = TRANSFER if transfer else DRAWN if drawn else IN_SIMULATION
+    name = DRAWN if drawn else IN_SIMULATION
     if sensor is not None:
         name = sensor_name(sensor)
-    if uneven:
-        name = f"{name}, uneven"
+    if transfer:
+        name = f"{TRANSFER} {transfer}"
     if engine != "robosuite":
         name = f"{name}, {engine}"
-    successes = sum(sum(found) for found in solved.values())
-    interval = interval_of(successes, trials)
-    parts = {kind: (sum(found), len(found)) for kind, found in solved.items()} if transfer else {}
-    training = _made(this, trained)
-    rate = successes / trials
-    result = Result(this.task, this.name, name, this.seed, trials, rate, interval, versions(), training, parts)
+    kinds = dict.fromkeys(one.kind for one in episodes) if transfer else ()
+    each = {kind: [one.success for one in episodes if one.kind == kind] for kind in kinds}
+    successes = sum(one.success for one in episodes)
+    result = Result(
+        this.task,
+        this.name,
+        name,
+        this.seed,
+        trials,
+        successes / trials,
+        interval_of(successes, trials),
+        versions(),
+        _made(this, trained),
+        {kind: (sum(found), len(found)) for kind, found in each.items()},
+        *_forces(episodes),
+    )
     path = result.save(out)
-    print(f"{this.task} {this.name} {name}: {successes} of {trials}, {interval[0]:.2f} to {interval[1]:.2f}; {path}")
+    low, high = result.interval
+    print(f"{this.task} {this.name} {name}: {successes} of {trials}, {low:.2f} to {high:.2f}; {path}")
 
 
-def _solved(
-    env: InsertionEnv,
-    act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]],
-    trials: int,
-    transfer: bool,
-    uneven: bool,
-) -> dict[str, list[bool]]:
-    """Return which episodes a policy solves, by kind of sensor; in a transfer the sensors take turns."""
-    kinds: dict[str, list[bool]] = {}
-    turns = sensors(env.layout, uneven=uneven) if transfer else []
-    for trial in range(trials):
-        kind = IN_SIMULATION
-        if turns:
-            stand_in = turns[trial % len(turns)]
-            kind, env.sensor, env.surface = stand_in.kind, stand_in.chain, stand_in.surface
-        kinds.setdefault(kind, []).append(succeeds(env, act, FIRST_SEED + trial))
-    return kinds
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """An episode of an evaluation.
+
+    Attributes:
+        kind: Kind of the sensor.
+        success: Whether the policy inserted the peg.
+        force: ``(steps,)`` force between peg and base at the end of each step (N).
+    """
+
+    kind: str
+    success: bool
+    force: NDArray[np.floating]
+
+
+def play_episode(
+    env: InsertionEnv, act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]], seed: int
+) -> Episode:
+    """Play the episode of this seed with a policy, a function from observations to actions."""
+    torch.manual_seed(seed)
+    observation, info = env.reset(seed=seed)
+    force, terminated, truncated = [], False, False
+    while not (terminated or truncated):
+        observation, _, terminated, truncated, info = env.step(act(observation))
+        force.append(env.scene.contact_force)
+    return Episode(env.stand_in.kind if env.stand_in else "", bool(info["is_success"]), np.array(force))
+
+
+def _forces(episodes: list[Episode]) -> tuple[float | None, float | None]:
+    """Return the mean force while the peg touches its base, and the mean of the episodes' largest forces (N)."""
+    touching = np.concatenate([one.force[one.force > TOUCHES] for one in episodes])
+    if not len(touching):
+        return None, None
+    return float(touching.mean()), float(np.mean([one.force.max() for one in episodes]))
 
 
 def _solved_on_warp(run: Run, trained: Trained, trials: int) -> list[bool]:
@@ -136,29 +168,16 @@ def _made(run: Run, trained: Trained) -> dict[str, Any]:
     }
 
 
-def surrogate_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout], paxisim.Chain]:
-    """Load a chain from a file, or return a factory for a unit of the magnetic pad, read in counts of 0.1 N.
+def stand_in_of(sensor: str) -> paxisim.Chain | Callable[[paxisim.TaxelLayout], StandIn]:
+    """Load a chain from a file, or return a function that makes a unit of the magnetic pad, zeroed while open.
 
     Raises:
         InvalidValueError: The file is not a chain, or the text does not name a unit.
     """
     if not sensor.startswith("reference:"):
         return paxisim.Chain.load(sensor)
-    name = sensor.removeprefix("reference:")
-    paxisim.reference_sensor(name)  # raises before an environment is built
-    return partial(magnetic_unit, name)
-
-
-def succeeds(
-    env: InsertionEnv, act: Callable[[dict[str, NDArray[np.float32]]], NDArray[np.float32]], seed: int
-) -> bool:
-    """Return whether a policy, a function from observations to actions, solves the episode of this seed."""
-    torch.manual_seed(seed)
-    observation, info = env.reset(seed=seed)
-    terminated = truncated = False
-    while not (terminated or truncated):
-        observation, _, terminated, truncated, info = env.step(act(observation))
-    return bool(info["is_success"])
+    make = paxisim.reference_sensor(sensor.removeprefix("reference:"))
+    return lambda layout: of_unit(make(layout, zeroed_at=OPEN))
 
 
 if __name__ == "__main__":

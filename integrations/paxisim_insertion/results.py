@@ -36,7 +36,13 @@ SURROGATE = "surrogate "
 """Beginning of the sensor names of surrogates."""
 
 TRANSFER = "transfer"
-"""Sensor name for the stand-in of a real robot, see `paxisim_insertion.transfer`."""
+"""Beginning of the sensor names of stand-ins for a real robot, see `paxisim_insertion.transfer`.
+
+Alone, it is the name of earlier stand-ins (commit 1bec394), whose gains and kernels were within the ranges of GCS.
+"""
+
+PADS, SURROGATES = f"{TRANSFER} pads", f"{TRANSFER} surrogates"
+"""Sensor names for magnetic pads and for surrogates."""
 
 PACKAGES = ("mujoco", "robosuite", "stable-baselines3", "torch", "gymnasium", "numpy", "mujoco-warp", "warp-lang")
 """Packages whose versions a result depends on."""
@@ -115,9 +121,9 @@ class Result:
         task: Name of the task.
         method: Name of the method.
         sensor: ``"sim"`` for the sensor that the method is trained with, with ``", drawn actions"`` appended if actions
-            were sampled; ``"transfer"`` for the stand-in of the real robot; otherwise ``"surrogate NAME"``. For units
-            with surfaces of their own, ``", uneven"`` is appended, and for an engine other than robosuite's, its name.
-            No real sensor was involved.
+            were sampled; ``"transfer pads"`` and ``"transfer surrogates"`` for the stand-ins of the real robot;
+            otherwise ``"surrogate NAME"``. For an engine other than robosuite's, its name is appended. No real sensor
+            was involved.
         seed: Seed of the training run.
         trials: Number of episodes.
         success_rate: Fraction of episodes that succeeded.
@@ -125,6 +131,8 @@ class Result:
         versions: Software versions of the evaluation.
         training: Steps, settings and cost of the training.
         parts: Successes and episodes per kind of sensor, if there are several.
+        mean_force: Mean force (N) between peg and base while they touch, at 20 Hz; None if unknown.
+        peak_force: Mean of the episodes' largest forces (N) between peg and base; None if unknown.
     """
 
     task: str
@@ -137,6 +145,8 @@ class Result:
     versions: dict[str, str]
     training: dict[str, Any]
     parts: dict[str, tuple[int, int]] = field(default_factory=dict)
+    mean_force: float | None = None
+    peak_force: float | None = None
 
     def save(self, folder: Path = OUT) -> Path:
         """Write the result atomically to a file named after task, method, sensor and seed, over an older one."""

@@ -43,7 +43,7 @@ class InsertionVecEnv(VecEnv):
         """
         if not envs or not all(isinstance(env.scene, NativeScene) for env in envs):
             raise paxisim.InvalidValueError("expected at least one environment, all with engine='native'")
-        if any(env.sensor is not None or env.has_gap or env.terminates for env in envs):
+        if any(env.stand_in is not None or env.has_gap or env.terminates for env in envs):
             raise paxisim.InvalidValueError("expected environments without sensor=, gap= and terminate_on_success=")
         self.envs = list(envs)
         count, first = len(envs), envs[0]

@@ -9,7 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from paxisim_insertion.methods import find_method
-from paxisim_insertion.results import DRAWN, IN_SIMULATION, TRANSFER, Result, differing, file_of, folder_of, sensor_name
+from paxisim_insertion.results import (
+    DRAWN,
+    IN_SIMULATION,
+    PADS,
+    SURROGATES,
+    Result,
+    differing,
+    file_of,
+    folder_of,
+    sensor_name,
+)
 from paxisim_insertion.tasks import find_task
 
 import paxisim
@@ -19,13 +29,18 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]
 
-SENSORS = (IN_SIMULATION, TRANSFER)
+SENSORS = (IN_SIMULATION, PADS, SURROGATES)
 """Default sensors of a cell's evaluations."""
 
 TRIALS = 50
 """Default number of episodes of an evaluation."""
 
-_OPTIONS = {IN_SIMULATION: [], TRANSFER: ["--transfer"], DRAWN: ["--drawn"]}
+_OPTIONS = {
+    IN_SIMULATION: [],
+    PADS: ["--transfer", "pads"],
+    SURROGATES: ["--transfer", "surrogates"],
+    DRAWN: ["--drawn"],
+}
 
 
 @dataclass(frozen=True)
@@ -37,7 +52,8 @@ class Cell:
         method: Name of the method.
         seed: Random seed of the training.
         steps: Environment steps of the training.
-        sensors: Sensors of the evaluations: ``"sim"``, ``"transfer"``, or what ``.evaluate --sensor`` takes.
+        sensors: Sensors of the evaluations: ``"sim"``, ``"transfer pads"``, ``"transfer surrogates"``, or what
+            ``.evaluate --sensor`` takes.
         trials: Episodes of each evaluation.
     """
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from paxisim_insertion.engines import ENGINES
 from paxisim_insertion.engines.arm import find_arm
 from paxisim_insertion.env import PRIVILEGED, InsertionEnv
-from paxisim_insertion.evaluate import succeeds
+from paxisim_insertion.evaluate import play_episode
 from paxisim_insertion.expert import expert_action
 from paxisim_insertion.results import FIRST_SEED, interval_of
 from paxisim_insertion.run import Run
@@ -145,7 +145,7 @@ def _success(run: Run, engine: str, trials: int) -> str:
     """Return in how many episodes a run's policy succeeds in an engine."""
     env = run.insertion_env(engine=engine, terminate_on_success=True)
     trained = run.policy(env)
-    solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(trials))
+    solved = sum(play_episode(env, trained.act, FIRST_SEED + trial).success for trial in range(trials))
     env.close()
     low, high = interval_of(solved, trials)
     return f"{solved} ({low:.2f} to {high:.2f})"

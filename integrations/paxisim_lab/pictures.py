@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from paxisim_insertion.results import IN_SIMULATION, TRANSFER, Result
+from paxisim_insertion.results import IN_SIMULATION, PADS, Result
 from paxisim_insertion.shell import command
 from paxisim_insertion.tasks import TASKS
 
 from .curves import draw_curves, method_colours, shipped_curves
-from .rates import PAPER_TRIALS, REAL, TABLE_2_SIM, UNKNOWN, in_order, pooled, read_results
+from .paper import REAL, TABLE_2_SIM, UNKNOWN
+from .rates import PAPER_TRIALS, TRANSFERS, in_order, pooled, read_results
 
 
 def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
@@ -66,9 +67,10 @@ def draw_table(found: list[Result]) -> Any:
     methods = in_order([*REAL, *(r.method for r in found if r.sensor in PAPER_TRIALS)])
     figure = Figure((13, 1 + 0.7 * len(methods)), layout="constrained")
     axes = figure.subplots(2, 2)
+    stand_in = next((sensor for sensor in TRANSFERS if any(r.sensor == sensor for r in found)), PADS)
     for row, paper, sensor, theirs_in, ours_in in (
         (axes[0], TABLE_2_SIM, IN_SIMULATION, "simulation", "simulation"),
-        (axes[1], REAL, TRANSFER, "real robot", "transfer to surrogates"),
+        (axes[1], REAL, stand_in, "real robot", f"transfer to {TRANSFERS.get(stand_in)}"),
     ):
         ours = [[_share(*pooled(found, task, method, sensor)) for task in TASKS] for method in methods]
         theirs = [[np.nan if rate is None else rate for rate in paper.get(method, UNKNOWN)] for method in methods]

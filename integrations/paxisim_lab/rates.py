@@ -13,7 +13,9 @@ from paxisim_insertion.results import (
     DRAWN,
     IN_SIMULATION,
     OUT,
+    PADS,
     SURROGATE,
+    SURROGATES,
     TRANSFER,
     Result,
     file_of,
@@ -21,48 +23,19 @@ from paxisim_insertion.results import (
     plain,
 )
 from paxisim_insertion.tasks import PARAMETERS, TASKS
-from scipy.stats import fisher_exact
+from scipy.stats import fisher_exact, spearmanr
 
 import paxisim
+
+from .paper import ABLATION_REAL, REAL, TABLE_2_REAL, TABLE_2_SIM, UNKNOWN
 
 RESULTS = Path(__file__).with_name("results")
 """Folder of the results that come with the package."""
 
-TABLE_2_SIM = {
-    "NT": (0.94, 0.82, 0.6, 0.56, 0.42, 0.2),
-    "TF": (1.0, 0.98, 0.8, 0.0, 1.0, 0.74),
-    "TB": (1.0, 0.82, 0.62, 0.36, 0.84, 0.1),
-    "TD": (1.0, 0.86, 0.9, 0.88, 0.88, 0.80),
-    "DT": (1.0, 0.96, 0.84, 0.94, 0.96, 0.84),
-    "GCS": (1.0, 0.9, 0.84, 0.98, 0.98, 0.76),
-}
-"""The paper's success rates in simulation, in the order of the tasks."""
+TRANSFERS = {PADS: "magnetic pads", SURROGATES: "surrogates", TRANSFER: "earlier stand-ins"}
+"""The stand-ins for a real robot, in words."""
 
-TABLE_2_REAL = {
-    "NT": (0.4, 0.4, 0.0, 0.1, 0.0, 0.0),
-    "TF": (0.4, 0.3, 0.3, 0.0, 0.4, 0.1),
-    "TB": (0.5, 0.3, 0.4, 0.1, 0.5, 0.2),
-    "TD": (0.1, 0.4, 0.0, 0.2, 0.2, 0.2),
-    "DT": (0.6, 0.2, 0.1, 0.3, 0.4, 0.1),
-    "GCS": (0.9, 0.8, 0.9, 0.6, 0.9, 0.7),
-}
-"""The paper's success rates on the real robot. Ours use surrogates and are only comparable with each other."""
-
-ABLATION_REAL = {
-    "GCS": (None, None, 0.9, None, 0.9, 0.7),
-    "GCS w/o G": (None, None, 0.9, None, 0.4, 0.0),
-    "GCS w/o S": (None, None, 0.8, None, 0.3, 0.6),
-    "GCS w/o C": (None, None, 0.6, None, 0.3, 0.2),
-}
-"""The paper's ablation on the real robot."""
-
-REAL = {**ABLATION_REAL, **TABLE_2_REAL}
-"""The paper's success rates on the real robot, of all methods."""
-
-UNKNOWN = (None,) * len(TASKS)
-"""Success rates of a method that the paper does not have."""
-
-PAPER_TRIALS = {IN_SIMULATION: 50, TRANSFER: 10}
+PAPER_TRIALS = {IN_SIMULATION: 50, **dict.fromkeys(TRANSFERS, 10)}
 """Episodes per success rate in the paper."""
 
 SIGNIFICANT = 0.05
@@ -213,14 +186,16 @@ def pooled(found: list[Result], task: str, method: str, sensor: str) -> tuple[in
 
 
 def tables(found: list[Result]) -> list[Table]:
-    """Return the tables of the paper: simulation, transfer and ablation."""
+    """Return the tables of the paper: simulation, and for each stand-in with results, transfer and ablation."""
     more = {r.method: UNKNOWN for r in found if r.method not in REAL}
     ablated = {method: UNKNOWN for method in ABLATION_REAL if method not in TABLE_2_SIM}
     made = [_table("Simulation (paper / ours)", {**TABLE_2_SIM, **ablated, **more}, found, IN_SIMULATION)]
     if any(result.sensor == DRAWN for result in found):
         made.append(_table("Simulation, actions drawn (paper / ours)", {"NT": TABLE_2_SIM["NT"]}, found, DRAWN))
-    made.append(_table("Paper's real robot / our transfer to surrogates", {**TABLE_2_REAL, **more}, found, TRANSFER))
-    made.append(_table("Ablation: paper's real robot / our transfer", ABLATION_REAL, found, TRANSFER))
+    for sensor, words in TRANSFERS.items():
+        if any(result.sensor == sensor for result in found):
+            made.append(_table(f"Paper's real robot / our {words}", {**TABLE_2_REAL, **more}, found, sensor))
+            made.append(_table(f"Ablation: paper's real robot / our {words}", ABLATION_REAL, found, sensor))
     return made
 
 
@@ -243,9 +218,9 @@ def each_seed(found: list[Result], sensor: str) -> dict[str, list[list[float]]]:
 
 
 def seed_tables(found: list[Result]) -> dict[str, dict[str, list[list[float]]]]:
-    """Return by title the tables of `each_seed` that have rows: simulation and transfer."""
-    sensors = {"Simulation, each seed": IN_SIMULATION, "Transfer, each seed": TRANSFER}
-    return {title: rows for title, sensor in sensors.items() if (rows := each_seed(found, sensor))}
+    """Return by title the tables of `each_seed` that have rows."""
+    sensors = {IN_SIMULATION: "Simulation", **{s: f"Transfer to {words}" for s, words in TRANSFERS.items()}}
+    return {f"{title}, each seed": rows for s, title in sensors.items() if (rows := each_seed(found, s))}
 
 
 def surrogate_tables(found: list[Result]) -> list[Table]:
@@ -260,22 +235,62 @@ def surrogate_tables(found: list[Result]) -> list[Table]:
 
 def by_kind(found: list[Result]) -> dict[str, dict[str, Rate]]:
     """Return the transfer results by method and kind of sensor, with all tasks of a method together."""
-    these = [result for result in found if result.sensor == TRANSFER]
-    kinds = list(dict.fromkeys(kind for result in these for kind in result.parts))
+    these = [result for result in found if result.sensor in TRANSFERS]
+    kinds = {f"{TRANSFERS[r.sensor]}, {kind}": (r.sensor, kind) for r in these for kind in r.parts}
     if not kinds:
         return {}
     by_method: dict[str, dict[str, Rate]] = {}
     for method in in_order(result.method for result in these):
-        counts = np.array([[r.parts.get(kind, (0, 0)) for kind in kinds] for r in these if r.method == method])
-        totals = counts.sum(axis=0).tolist()
-        by_method[method] = {kind: Rate(None, *total) for kind, total in zip(kinds, totals, strict=True)}
+        for words, (sensor, kind) in kinds.items():
+            counts = [r.parts.get(kind, (0, 0)) for r in these if (r.method, r.sensor) == (method, sensor)]
+            total = np.sum([(0, 0), *counts], axis=0).tolist()
+            by_method.setdefault(method, {})[words] = Rate(None, *total)
     return by_method
+
+
+def agreement(found: list[Result]) -> dict[str, tuple[float, int]]:
+    """Return by stand-in the rank correlation (Spearman) of our rates with the paper's on the real robot.
+
+    Returns:
+        For each stand-in in words, the correlation over the cells that both have, and their number.
+    """
+    correlations = {}
+    for sensor, words in TRANSFERS.items():
+        theirs, ours = [], []
+        for method, rates in REAL.items():
+            for task, rate in zip(TASKS, rates, strict=True):
+                good, trials = pooled(found, task, method, sensor)
+                if rate is not None and trials:
+                    theirs.append(rate)
+                    ours.append(good / trials)
+        if len(set(ours)) > 1:  # equal rates have no order
+            test: Any = spearmanr(theirs, ours)
+            correlations[words] = float(test[0]), len(ours)
+    return correlations
+
+
+def forces(found: list[Result]) -> dict[str, dict[str, list[tuple[float, float] | None]]]:
+    """Return mean and peak contact force (N), by sensor and method, for each task; None where it is unknown."""
+    tables: dict[str, dict[str, list[tuple[float, float] | None]]] = {}
+    for sensor in (IN_SIMULATION, *TRANSFERS):
+        for method in in_order(r.method for r in found):
+            row: list[tuple[float, float] | None] = []
+            for task in TASKS:
+                own = [
+                    (r.mean_force, r.peak_force)
+                    for r in found
+                    if (r.task, r.method, r.sensor) == (task, method, sensor) and r.mean_force is not None
+                ]
+                row.append(tuple(np.mean(own, axis=0).tolist()) if own else None)  # type: ignore[arg-type]
+            if any(row):
+                tables.setdefault(sensor, {})[method] = row
+    return tables
 
 
 def differences(found: list[Result]) -> list[Difference]:
     """Return where our rates differ from the paper's by Fisher's exact test, with p below `SIGNIFICANT`."""
     differ: list[Difference] = []
-    papers = ((IN_SIMULATION, TABLE_2_SIM), (TRANSFER, REAL))
+    papers = ((IN_SIMULATION, TABLE_2_SIM), *((sensor, REAL) for sensor in TRANSFERS))
     for sensor, paper in papers:
         for method, rates in paper.items():
             for task, theirs in zip(TASKS, rates, strict=True):

@@ -14,9 +14,11 @@ from .rates import (
     SIGNIFICANT,
     Rate,
     Table,
+    agreement,
     by_kind,
     comparable,
     differences,
+    forces,
     minutes_of,
     read_results,
     seed_tables,
@@ -51,6 +53,8 @@ def print_tables(results: list[Result]) -> None:
     print(f"\nWhere ours differs from the paper's (Fisher's exact test, p < {SIGNIFICANT:g})\n")
     for one in differences(found):
         print(f"- {one.sensor}, {one.task} {one.method}: {_both(one.rate)}, p = {one.p:.2g}")
+    _print_agreement(found)
+    _print_forces(found)
     _print_cost(found)
     if left_out:
         print("\nLeft out, because a rate pools only one setting\n")
@@ -82,6 +86,21 @@ def _print_kinds(rates: dict[str, dict[str, Rate]]) -> None:
     _print_head("Transfer, all tasks of a method, by kind of sensor", next(iter(rates.values())))
     for method, row in rates.items():
         print(f"| {method} | {' | '.join(map(_ours, row.values()))} |")
+
+
+def _print_agreement(found: list[Result]) -> None:
+    correlations = agreement(found)
+    if correlations:
+        print("\nRank correlation (Spearman) of our rates with the paper's on the real robot\n")
+    for words, (value, cells) in correlations.items():
+        print(f"- {words}: {value:.2f} over {cells} cells")
+
+
+def _print_forces(found: list[Result]) -> None:
+    for sensor, rows in forces(found).items():
+        _print_head(f"Force between peg and base, {sensor} (N): mean while they touch / mean of the largest", TASKS)
+        for method, row in rows.items():
+            print(f"| {method} | {' | '.join(f'{one[0]:.1f} / {one[1]:.0f}' if one else '' for one in row)} |")
 
 
 def _print_cost(found: list[Result]) -> None:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 from paxisim_insertion import InsertionEnv
-from paxisim_insertion.evaluate import evaluate, succeeds, surrogate_of
+from paxisim_insertion.evaluate import evaluate, play_episode, stand_in_of
 from paxisim_insertion.on_sensor import SensedPolicy, on_ports, on_sensor
 from paxisim_insertion.results import FIRST_SEED, Result, file_of, folder_of, versions
 from paxisim_insertion.run import Run
-from paxisim_insertion.transfer import draw_surrogate, own_surface, sensors
+from paxisim_insertion.surrogates import draw_surrogate
+from paxisim_insertion.transfer import sensors
 from paxisim_lab.rates import RESULTS
 from scipy.stats import binom
 
@@ -28,13 +29,13 @@ def test_results_of_a_run(trained_run, tmp_path, capsys):
     assert "SY-2mm GCS sim: " in capsys.readouterr().out
     evaluate(trained_run, trials=1, sensor=tmp_path / "poisson.model", engine="native", out=tmp_path / "out")
     evaluate(trained_run, trials=1, drawn=True, engine="native", out=tmp_path / "out")
-    evaluate(trained_run, trials=3, transfer=True, engine="native", out=tmp_path / "out")
+    evaluate(trained_run, trials=3, transfer="pads", engine="native", out=tmp_path / "out")
     found = {path.name: Result.load(path) for path in (tmp_path / "out").iterdir()}
     assert {result.sensor: result.trials for result in found.values()} == {
         "sim": 1,
         "surrogate poisson, native": 1,
         "sim, drawn actions, native": 1,
-        "transfer, native": 3,
+        "transfer pads, native": 3,
     }
     result = found["SY-2mm_GCS_sim_0.json"]
     assert (result.task, result.method, result.seed, result.parts) == ("SY-2mm", "GCS", 0, {})
@@ -42,7 +43,7 @@ def test_results_of_a_run(trained_run, tmp_path, capsys):
     assert (result.training["steps"], result.training["updates"], result.training["model"]) == (240, 35, [])
     assert (result.training["engine"], result.training["envs"], result.training["redraw"]) == ("native", 2, True)
     assert result.training["cpu_seconds"] > 0
-    transfer = found["SY-2mm_GCS_transfer-native_0.json"]
+    transfer = found["SY-2mm_GCS_transfer-pads-native_0.json"]
     kinds = {"zeroed in the grasp": 2, "zeroed while open": 1}
     assert {kind: total for kind, (_, total) in transfer.parts.items()} == kinds
     assert sum(solved for solved, _ in transfer.parts.values()) == 3 * transfer.success_rate
@@ -87,38 +88,67 @@ def test_the_robot_of_a_transfer(engine):
 
 
 def test_the_sensors_of_a_transfer():
+    """Both kinds are zeroed in two ways, uneven, and read differently; the pads are as stiff as their layers."""
     env = InsertionEnv("SX-2mm", "DT", engine="native")
-    turns = sensors(env.layout)
-    kinds = [stand_in.kind for stand_in in turns]
-    counts = {"zeroed in the grasp": 10, "zeroed while open": 10, "magnetic pad": 5}
-    assert {kind: kinds.count(kind) for kind in kinds} == counts
-    readings = []
-    for stand_in in turns:
-        env.sensor, env.surface = stand_in.chain, stand_in.surface
-        env.reset(seed=0)
-        readings.append(env.reading)
-        heights = stand_in.surface.reshape(2, -1)
-        np.testing.assert_allclose(heights.mean(axis=1), 1e-3)
-        assert np.all((np.ptp(heights, axis=1) >= 0.1e-3 - 1e-9) & (np.ptp(heights, axis=1) <= 0.3e-3 + 1e-9))
-        assert max(np.abs(np.diff(stand_in.surface, axis=axis)).max() for axis in (1, 2)) < 0.2e-3, "slow waves"
-        lowest = env.scene.model_and_data[0].geom_size[env.scene.tactile.pads.geoms, 0]
-        np.testing.assert_allclose(2 * lowest - 3e-3, heights, atol=1e-9)
-    apart = [np.abs(a - b).max() for index, a in enumerate(readings) for b in readings[:index]]
-    assert min(apart) > 0.05, "no two read alike"
+    model, _ = env.scene.model_and_data
+    soft = model.body_invweight0[env.scene.tactile.pads.bodies, 0]
+    for transfer in ("pads", "surrogates"):
+        turns = sensors(transfer, env.layout, 8)
+        assert [one.kind for one in turns[:4]] == ["zeroed in the grasp", "zeroed while open"] * 2
+        readings = []
+        for stand_in in turns:
+            env.stand_in = stand_in
+            env.reset(seed=0)
+            readings.append(env.reading)
+            heights = stand_in.surface.reshape(2, -1)
+            assert np.all((np.ptp(heights, axis=1) >= 0.08e-3) & (np.ptp(heights, axis=1) <= 0.35e-3))
+            radii = model.geom_size[env.scene.tactile.pads.geoms, 0]
+            np.testing.assert_allclose(2 * radii - 3e-3, heights, atol=1e-9)
+            stiffer = soft / model.body_invweight0[env.scene.tactile.pads.bodies, 0]
+            assert np.all(stiffer > 8 if transfer == "pads" else stiffer == pytest.approx(1))
+        apart = [np.abs(a - b).max() for index, a in enumerate(readings) for b in readings[:index]]
+        assert min(apart) > 0.05, "no two read alike"
+    with pytest.raises(paxisim.UnknownNameError, match="unknown transfer"):
+        sensors("robots", env.layout)
 
 
-def test_units_with_surfaces_of_their_own(trained_run, tmp_path):
-    layout = InsertionEnv("SX-2mm", "DT", engine="native").layout
-    for usual, own in zip(sensors(layout), sensors(layout, uneven=True), strict=True):
-        assert np.array_equal(usual.surface, own.surface) == (own.kind != "magnetic pad")
-    unit = surrogate_of("reference:unit:1")(layout)
-    np.testing.assert_array_equal(own_surface(unit), sensors(layout, uneven=True)[4].surface)
-    evaluate(trained_run, trials=1, sensor="reference:unit:1", uneven=True, engine="native", out=tmp_path)
-    assert [Result.load(path).sensor for path in tmp_path.iterdir()] == ["surrogate reference-unit-1, uneven, native"]
-    with pytest.raises(paxisim.InvalidValueError, match="--transfer or --sensor"):
-        evaluate(trained_run, uneven=True, out=tmp_path)
-    with pytest.raises(paxisim.InvalidValueError, match="surface of its own"):
-        own_surface(draw_surrogate(1))
+def test_gains_and_kernels_of_surrogates_are_outside_the_ranges_of_gcs():
+    ranges = paxisim.augment.Ranges()
+    for number in range(25):
+        chain = draw_surrogate(number)
+        gains = chain["pad_axis_gain"].gain
+        assert np.all((gains < ranges.axis_gain[0]) | (gains > ranges.axis_gain[1]))
+        assert min(chain["poisson"].cx, chain["poisson"].cy) > ranges.convolution[1]
+
+
+def test_a_unit_comes_with_its_surface_and_its_layer(tmp_path):
+    env = InsertionEnv("SX-2mm", "DT", engine="native", sensor=stand_in_of("reference:unit:1"))
+    np.testing.assert_array_equal(env.stand_in.surface, paxisim.MagneticSensor(env.layout, 1).heights(2))
+    layer = env.stand_in.gel.stiffness(env.layout)
+    assert layer == pytest.approx(paxisim.Layer().stiffness(env.layout, "taxel"), rel=0.05)
+    evaluate(POLICIES / "SX-2mm_GCS_0", trials=1, sensor="reference:unit:1", engine="native", out=tmp_path)
+    (result,) = map(Result.load, tmp_path.iterdir())
+    assert result.sensor == "surrogate reference-unit-1, native"
+    assert 0.1 < result.mean_force < result.peak_force < 200
+
+
+def test_the_force_between_peg_and_base():
+    """A peg that is pushed down on the rim presses as hard as the fingers say; in the air it does not."""
+    env = InsertionEnv("SX-2mm", "DT", engine="native")
+    env.reset(seed=3)
+    assert env.scene.contact_force == 0
+    _, data = env.scene.model_and_data
+    ups = data.xmat[env.scene.tactile.pads.bodies].reshape(-1, 3, 3)[:, 2]
+
+    def lifted():
+        """Vertical force (N) on the pads."""
+        return float(np.einsum("paij,pa->", env.raw, ups))
+
+    before = lifted()
+    for _ in range(40):
+        env.step(np.array([0.0, -0.5]))
+    assert env.scene.contact_force > 3
+    assert abs(lifted() - before) == pytest.approx(env.scene.contact_force, rel=0.35)
 
 
 def test_surrogates_of_a_sensor():
@@ -135,14 +165,14 @@ def test_surrogates_of_a_sensor():
 
 
 def test_a_reference_sensor_with_memory_and_its_neighbour():
-    made = InsertionEnv("SX-2mm", "DT", engine="native", sensor=surrogate_of("reference:unit:7+memory+neighbour"))
+    made = InsertionEnv("SX-2mm", "DT", engine="native", sensor=stand_in_of("reference:unit:7+memory+neighbour"))
     made.reset(seed=0)
     model, data = made.scene.model_and_data
     left, right = (data.xmat[model.body(name).id].reshape(3, 3) for name in made.scene.tactile.pads.bodies)
     # the neighbour's magnets are assumed to be rotated by 180 degrees about y
     np.testing.assert_allclose(left.T @ right, np.diag([-1.0, 1.0, -1.0]), atol=0.05)
     covariates = {"gripper_opening": made.scene.opening}
-    alone, beside = (surrogate_of(f"reference:unit:7{with_}")(made.layout) for with_ in ("", "+neighbour"))
+    alone, beside = (stand_in_of(f"reference:unit:7{with_}")(made.layout).chain for with_ in ("", "+neighbour"))
     assert np.abs(beside(made.raw, covariates) - alone(made.raw)).max() > 0.05
     before = made.reading
     for _ in range(3):
@@ -150,7 +180,7 @@ def test_a_reference_sensor_with_memory_and_its_neighbour():
     assert np.isfinite(made.reading).all()
     assert np.abs(made.reading - before).max() < 1
     with pytest.raises(paxisim.InvalidValueError, match="is named unit:N"):
-        surrogate_of("reference:unit:x")
+        stand_in_of("reference:unit:x")
 
 
 def test_the_shipped_policies_have_results_of_as_many_steps():
@@ -170,7 +200,7 @@ def solves_as_often(name, engine, trials):
     result = Result.load(RESULTS / file_of(run.task, run.method, "sim", run.seed))
     env = run.insertion_env(engine=engine, terminate_on_success=True)
     trained = run.policy(env)
-    solved = sum(succeeds(env, trained.act, FIRST_SEED + trial) for trial in range(trials))
+    solved = sum(play_episode(env, trained.act, FIRST_SEED + trial).success for trial in range(trials))
     env.close()
     # the first of the same 50 episodes; one may end differently on another processor
     low, high = binom.ppf([1e-4, 1 - 1e-4], trials, np.clip(result.success_rate, 0.02, 0.98))

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion.engines.pads import PAD, ScenePads
+from paxisim_insertion.tasks import PARAMETERS
 from paxisim_robosuite.gripper import DEFAULT_SENSOR
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -11,6 +12,7 @@ from scipy.optimize import brentq
 import paxisim
 
 RADIUS = 15e-3
+THICKNESS = 3.3e-3
 LOAD = 8.0
 """Load (N) small enough that no spring reaches the range where the gel stiffens."""
 
@@ -40,7 +42,7 @@ def felt(kind, pad):
     data = mujoco.MjData(model)
     model.opt.gravity[:] = 0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MULTICCD)  # as in the scenes
-    tactile = ScenePads(model, data, paxisim.find_pads(model))
+    tactile = ScenePads(model, data, paxisim.find_pads(model), PARAMETERS)
     data.qfrc_applied[0] = LOAD
     mujoco.mj_step(model, data, 400)
     return tactile.read()[0, 2]
@@ -48,8 +50,7 @@ def felt(kind, pad):
 
 def of_springs(kind):
     """Normal forces (N) of a bed of springs that fills the pad, with the object's axis along its rows."""
-    layout, gel = PAD.layout, PAD.gel
-    stiffness = gel.modulus / gel.thickness
+    layout, stiffness = PAD.layout, PARAMETERS.gel_modulus / THICKNESS
 
     def column(middle, depth):
         def pressure(x):

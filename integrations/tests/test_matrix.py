@@ -73,7 +73,8 @@ def test_the_sensors_of_cells(file, monkeypatch):
     cell = read_cells(file)[0]
     assert cell.evaluations == {
         "sim": [],
-        "transfer": ["--transfer"],
+        "transfer pads": ["--transfer", "pads"],
+        "transfer surrogates": ["--transfer", "surrogates"],
         "surrogate reference-unit-7": ["--sensor", "reference:unit:7"],
         "surrogate mine": ["--sensor", str(paths[0])],
     }
@@ -114,18 +115,20 @@ def test_what_is_left_of_a_cell(tmp_path):
     assert train[:5] == ["train", "--out", folder, "--steps", "40"]
     assert "--resume" not in train
     trials = ["--trials", "50"]
-    assert [line[5:] for line in evaluations] == [trials, [*trials, "--transfer"], [*trials, "--drawn"]]
+    pads, surrogates, drawn = ["--transfer", "pads"], ["--transfer", "surrogates"], ["--drawn"]
+    assert [line[5:] for line in evaluations] == [trials, *([*trials, *more] for more in (pads, surrogates, drawn))]
     (runs / "SX-2mm_NT_0").mkdir(parents=True)
     (runs / "SX-2mm_NT_0" / "run.json").write_text("{}")
     saved("sim", 40)
-    saved("transfer", 39)
+    saved("transfer pads", 39)
+    saved("transfer surrogates", 40)
     train, *evaluations = cell.commands(runs, out)
     assert train[-1] == "--resume"
-    assert [line[7:] for line in evaluations] == [["--transfer"], ["--drawn"]], "39 steps are too few"
+    assert [line[7:] for line in evaluations] == [pads, drawn], "39 steps are too few"
     assert not cell.is_finished(out)
     saved("sim", 40, mujoco="3.0.0")
     assert not cell.has("sim", out), "another version made it"
-    for sensor in ("sim", "transfer", "sim, drawn actions"):
+    for sensor in ("sim", "transfer pads", "sim, drawn actions"):
         saved(sensor, 40)
     assert cell.is_finished(out)
     assert not replace(cell, trials=51).is_finished(out)
@@ -141,7 +144,8 @@ def test_a_cell_that_fails_stops_no_other(file, tmp_path, monkeypatch, capsys):
         "import json, pathlib, sys\n"
         "run, out = pathlib.Path(sys.argv[2]).name, pathlib.Path(sys.argv[4])\n"
         "task, method, seed = run.split('_')\n"
-        "sensor = {'--transfer': 'transfer', '--drawn': 'sim, drawn actions'}.get(sys.argv[-1], 'sim')\n"
+        "sensors = {'pads': 'transfer pads', 'surrogates': 'transfer surrogates', '--drawn': 'sim, drawn actions'}\n"
+        "sensor = sensors.get(sys.argv[-1], 'sim')\n"
         "found = dict(task=task, method=method, sensor=sensor, seed=int(seed), trials=2, success_rate=0.5,\n"
         "    interval=[0, 1], versions={}, training={'steps': 40})\n"
         "out.mkdir(exist_ok=True)\n"

@@ -50,7 +50,7 @@ def test_the_matrix_and_the_costs_of_the_page(tmp_path, capsys):
     (tmp_path / "matrix.toml").write_text(text)
     cells = read_cells(tmp_path / "matrix.toml")
     assert len(cells) == 18
-    assert cells[0].sensors == ("sim", "transfer", "reference:unit:7")
+    assert cells[0].sensors == ("sim", "transfer pads", "transfer surrogates", "reference:unit:7")
     (line,) = [line for block in blocks("bash") for line in block.splitlines() if "paxisim_lab.cost" in line]
     words = shlex.split(line)[3:]
     assert command(cost, [str(ROOT / words[0]), *words[1:], "--results", str(RESULTS)]) == 0

@@ -16,6 +16,7 @@ from paxisim_lab.cells import Cell
 from paxisim_lab.cost import cost, schedule, seconds_of
 from paxisim_lab.curves import draw_svg, method_colours, read_curve, read_curves, shipped_curves
 from paxisim_lab.interpret import interpret, touches
+from paxisim_lab.loads import loads
 from paxisim_lab.matrix import matrix
 from paxisim_lab.pictures import pictures
 from paxisim_lab.play import play, write_film
@@ -111,7 +112,7 @@ def test_the_report_of_the_shipped_results(tmp_path, capsys):
     pytest.importorskip("jinja2")
     (tmp_path / "matrix.toml").write_text(
         '[steps]\n"SX-2mm" = 80_000\n"SY-2mm" = 100_000\n'
-        '[[cells]]\ntasks = ["SX-2mm", "SY-2mm"]\nmethods = ["GCS", "DT"]\nseeds = [0]\n'
+        '[[cells]]\ntasks = ["SX-2mm", "SY-2mm"]\nmethods = ["GCS", "DT"]\nseeds = [0]\nsensors = ["sim"]\n'
     )
     report, results = tmp_path / "new" / "report.html", tmp_path / "results"
     results.mkdir()
@@ -187,6 +188,21 @@ def test_an_interpretation_in_the_shell(capsys):
     assert command(interpret, [*words, "0"]) == 2
     assert command(interpret, ["--run", str(POLICIES / "SQ-2mm_GCS_0")]) == 2
     assert "expected a run on SX-2mm or SY-2mm" in capsys.readouterr().err
+
+
+def test_bumps_load_the_taxels_of_a_stiff_gel_unevenly(capsys):
+    """At the tasks' grip, the loads vary by a tenth of their mean on the soft gel and by a quarter on a stiff one."""
+    spreads = []
+    for more in ([], ["--parameters.gel-modulus", "1.09e6"]):
+        assert command(loads, ["--task", "SX-2mm", "--methods", "GCS", "--episodes", "3", *more]) == 0
+        rows = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines()[2:]]
+        assert [row[0].strip() for row in rows] == ["training, GCS", "transfer pads", "transfer surrogates"]
+        spreads.append([float(row[1]) for row in rows])
+    (soft, pads, surrogates), (stiff, same_pads, stiffer) = spreads
+    assert 0.05 < soft < 0.13 < 0.17 < stiff < 0.35
+    assert surrogates < stiffer
+    assert pads == same_pads, "they have gels of their own"
+    assert command(loads, ["--episodes", "0"]) == 2
 
 
 def test_films(tmp_path, capsys):

@@ -124,7 +124,7 @@ def test_what_is_wrong_is_said_in_one_line(trained_run, tmp_path, capsys):
         (train, ["--resume", "--out", none], "has no run"),
         (evaluate, ["--run", none], "has no run"),
         (evaluate, ["--run", run, "--trials", "0"], "at least one trial"),
-        (evaluate, ["--run", run, "--drawn", "--transfer"], "one of --sensor, --transfer and --drawn"),
+        (evaluate, ["--run", run, "--drawn", "--transfer", "pads"], "one of --sensor, --transfer and --drawn"),
         (evaluate, ["--run", run, "--engine", "warp", "--drawn"], "--engine warp without"),
         (evaluate, ["--run", run, "--sensor", str(tmp_path / "none.json")], "No such file"),
     ):

@@ -116,7 +116,7 @@ class NativeScene(Scene):
         model, data = self._model, self._data
         self._data.qpos[self.finger_qpos] = HALF_OPEN * SIDES
         mujoco.mj_kinematics(model, data)
-        self.tactile = ScenePads(model, data, pads)
+        self.tactile = ScenePads(model, data, pads, self.parameters)
         self._find_fingertips(data.xpos[pads.bodies])
         self._set_grip([model.actuator(f"{_PREFIX}gripper_{name}").id for name in _FINGERS])
 

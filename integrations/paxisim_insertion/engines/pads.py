@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 import paxisim
 
+from ..tasks import Parameters
+
 _CUBES = paxisim.Pad(paxisim.sensor("paxini-gen1-l4629").layout.pool(2, 2))  # the paper's sensor
 
-GEL = paxisim.Gel(modulus=100e3, thickness=3.3e-3)
-"""The gel on which the shipped policies were trained, whatever paxisim's default is."""
+THICKNESS = 3.3e-3
+"""Thickness (m) of the gel."""
 
-PAD = replace(_CUBES, taxels="spheres", thickness=4e-3, mass=2e-3, gel=GEL)
+PAD = replace(_CUBES, taxels="spheres", thickness=4e-3, mass=2e-3)
 """The pad of both scenes. A grip of 30 N indents the gel by more than 1 mm; balls allow their radius, here 2 mm."""
 
 BEHIND = PAD.thickness - _CUBES.thickness
@@ -27,17 +29,23 @@ class ScenePads:
 
     Attributes:
         pads: paxisim's handle of the pads.
+        gel: The gel of the scene's parameters.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pads: paxisim.Pads) -> None:
-        """Apply the gel to the pads of a model; this sets the contact parameters of the taxels."""
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pads: paxisim.Pads, parameters: Parameters) -> None:
+        """Apply the gel of the parameters to the pads of a model."""
         self._model, self._data, self.pads = model, data, pads
-        PAD.gel.apply(model, pads)
+        self.gel = paxisim.Gel(parameters.gel_modulus, THICKNESS)
+        self.set_gel(self.gel)
         self._readout = paxisim.TactileReadout(model, pads)
+
+    def set_gel(self, gel: paxisim.Gel) -> None:
+        """Set the contact parameters of the taxels to those of a gel; takes effect at the next step."""
+        gel.apply(self._model, self.pads)
 
     def vary(self, ranges: paxisim.SceneRanges) -> paxisim.SceneVariation:
         """Return a variation that draws friction, stiffness and mounts of the pads within ranges."""
-        return ranges.vary(self._model, self.pads, PAD.gel)
+        return ranges.vary(self._model, self.pads, self.gel)
 
     def set_surface(self, heights: NDArray[np.floating]) -> None:
         """Set the heights of the taxels, ``(pads, rows, cols)`` m, as for cubes; takes effect at the next step."""

@@ -197,7 +197,7 @@ class InsertionScene(Scene, ManipulationEnv):
             return
         model, data = self.model_and_data
         prefix = self.robots[0].gripper["right"].naming_prefix
-        self.tactile = ScenePads(model, data, paxisim.find_pads(model, prefix=prefix))
+        self.tactile = ScenePads(model, data, paxisim.find_pads(model, prefix=prefix), self.parameters)
         self._find_fingertips(data.xpos[self.tactile.pads.bodies])
 
     def _setup_observables(self) -> OrderedDict:

@@ -78,6 +78,7 @@ class Scene:
         nominal: ``(3, 3)`` rotation of a fingertip that points straight down, with the fingers closing along y.
         grip_site: Index of the fingertip's site in MuJoCo's model.
         peg_body: Index of the peg's body.
+        base_body: Index of the base's body.
         peg_qpos: Its place in ``qpos``.
         peg_dofs: Its place in ``qvel``.
         finger_qpos: ``(2,)`` places of the fingers in ``qpos``.
@@ -91,6 +92,7 @@ class Scene:
     nominal: NDArray[np.floating]
     grip_site: int
     peg_body: int
+    base_body: int
     peg_qpos: slice
     peg_dofs: slice
     finger_qpos: NDArray[np.integer]
@@ -204,6 +206,19 @@ class Scene:
         position, rotation = self.peg
         return insertion(self.task, self.parameters, position - self.base, rotation)
 
+    @property
+    def contact_force(self) -> float:
+        """Magnitude (N) of the force between the peg and its base, at the last physics step."""
+        model, data = self.model_and_data
+        touching = np.isin(model.geom_bodyid[data.contact.geom], (self.peg_body, self.base_body)).all(axis=1)
+        total, one = np.zeros(3), np.zeros(6)
+        for index in np.flatnonzero(touching):
+            mujoco.mj_contactForce(model, data, index, one)
+            # along the contact's axes, from its first geom to its second
+            sign = 1.0 if model.geom_bodyid[data.contact.geom[index, 1]] == self.peg_body else -1.0
+            total += sign * data.contact.frame[index].reshape(3, 3).T @ one[:3]
+        return float(np.linalg.norm(total))
+
     def _find(self, grip_site: str, fingers: list[str]) -> None:
         """Look up the parts of the model by name."""
         model, _ = self.model_and_data
@@ -213,7 +228,7 @@ class Scene:
         # testing all pairs of geoms finds the same contacts as the bodies' bounding volume trees, and is faster here
         trees = int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
         model.opt.disableflags |= several | trees
-        self.peg_body = model.body("peg").id
+        self.peg_body, self.base_body = model.body("peg").id, model.body("base").id
         joint = model.joint("peg")
         first, dof = int(joint.qposadr[0]), int(joint.dofadr[0])
         self.peg_qpos, self.peg_dofs = slice(first, first + 7), slice(dof, dof + 6)
