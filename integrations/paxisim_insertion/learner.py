@@ -18,9 +18,14 @@ import paxisim
 from .policy import ACTOR, NOT_WEIGHTS, AsymmetricPolicy
 from .replay import HistoryReplayBuffer, Redraw
 from .run import Run
+from .sac import AsymmetricSAC
 
 SHARE = 0.005
 """Weight of an update in the average, as in SAC's target networks: the average spans about 200 updates."""
+
+
+WINDOW = 100
+"""Episodes of the success rate that is logged and that ends a training."""
 
 
 class Average:
@@ -61,13 +66,15 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
     # SAC counts a step of all environments as one, and makes whole numbers of updates
     due = run.updates * run.envs
     redraw = _redraw(run, env)
-    model = SAC(
+    model = AsymmetricSAC(
         AsymmetricPolicy,
         env,
         train_freq=max(1, round(1 / due)),
         gradient_steps=max(1, round(due)),
         ent_coef=f"auto_{run.temperature}",
         policy_kwargs={"optimizer_kwargs": {"fused": True}},  # same optimiser steps, fewer passes over the weights
+        actor_every=run.actor_every,
+        stats_window_size=WINDOW,
         buffer_size=run.buffer,
         batch_size=run.batch,
         replay_buffer_class=HistoryReplayBuffer,
@@ -88,23 +95,23 @@ def make_model(run: Run, env: VecEnv, device: str = "auto") -> SAC:
     return model
 
 
-def average_of(run: Run, model: SAC) -> tuple[Average, float]:
+def average_of(run: Run, model: SAC) -> tuple[Average, float, float]:
     """Restore the average of a training's actors, or start a new one from the actor of `model`.
 
     Returns:
-        The average and the CPU seconds of the training so far.
+        The average, the CPU seconds of the training so far, and its success rate, see `Trained`.
     """
-    seconds = 0.0
+    seconds = success = 0.0
     average = Average(model.actor)
     path = run.folder / ACTOR
     if path.exists():
         try:
             found = torch.load(path, map_location=model.device, weights_only=True)
             average.actor.load_state_dict(found["actor"])
-            seconds = float(found.get("seconds", 0.0))
+            seconds, success = (float(found.get(name, 0.0)) for name in ("seconds", "success"))
         except NOT_WEIGHTS as error:
             raise paxisim.InvalidValueError(f"{path} does not fit the environment: {error}") from error
-    return average, seconds
+    return average, seconds, success
 
 
 def _go_on(run: Run, model: SAC) -> None:

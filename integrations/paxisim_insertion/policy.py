@@ -9,6 +9,7 @@ the privileged poses. Neither sees the inputs of the other.
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import zipfile
@@ -51,6 +52,9 @@ FEATURES = 128
 LAYERS = ((32, 2), (32, 1), (64, 2), (64, 1))
 """Channels and stride of the CNN's layers, all with 3x3 kernels: our choice. Without strides an update takes three
 times as long on a CPU."""
+
+SQUASHED = 1e-6
+"""Keeps the logarithm of tanh's slope finite, as in stable-baselines3."""
 
 POSE_SCALE = 100.0
 """Factor that converts poses to cm and centiradian: a layer learns slowly from inputs of a few thousandths."""
@@ -118,14 +122,18 @@ class AsymmetricActor(Actor):
     """
 
     def action_log_prob(self, obs: Any) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return actions and their log probabilities."""
+        """Return actions drawn from the policy, a Gaussian squashed by tanh, and their log probabilities."""
         training = self.training
         if not torch.is_grad_enabled():
             self.set_training_mode(False)
         try:
-            return super().action_log_prob(obs)
+            mean, log_std, _ = self.get_action_dist_params(obs)
         finally:
             self.set_training_mode(training)
+        noise = torch.randn_like(mean)
+        action = torch.tanh(mean + log_std.exp() * noise)
+        log_prob = -0.5 * (noise**2 + math.log(2 * math.pi)) - log_std - torch.log(1 - action**2 + SQUASHED)
+        return action, log_prob.sum(dim=1)
 
 
 class AsymmetricPolicy(SACPolicy):
@@ -153,12 +161,14 @@ class Trained:
         steps: Environment steps of the training.
         updates: Updates of the training.
         seconds: CPU seconds of the training; 0 if unknown.
+        success: Success rate of the last 100 training episodes; 0 if unknown or if there were fewer.
     """
 
     policy: AsymmetricPolicy
     steps: int
     updates: int
     seconds: float
+    success: float = 0.0
 
     @classmethod
     def load(cls, folder: Path, env: InsertionEnv) -> Trained:
@@ -175,7 +185,8 @@ class Trained:
         try:
             found = torch.load(path, map_location="cpu", weights_only=True)
             policy.actor.load_state_dict(found["actor"])
-            return cls(policy, int(found["steps"]), int(found["updates"]), float(found.get("seconds", 0.0)))
+            more = (float(found.get(name, 0.0)) for name in ("seconds", "success"))
+            return cls(policy, int(found["steps"]), int(found["updates"]), *more)
         except NOT_WEIGHTS as error:
             raise paxisim.InvalidValueError(
                 f"{path} is not an actor for {env.observation_space}; perhaps its layout, k or task differ: {error}"
@@ -193,8 +204,8 @@ class Trained:
             return self.policy.actor(observations, deterministic=True)
 
 
-def save_actor(folder: Path, actor: nn.Module, steps: int, updates: int, seconds: float) -> None:
-    """Write an actor and the cost of its training to `ACTOR` in a folder, atomically."""
+def save_actor(folder: Path, actor: nn.Module, numbers: dict[str, float]) -> None:
+    """Write an actor and numbers about its training, see `Trained`, to `ACTOR` in a folder, atomically."""
     new = folder / f"{ACTOR}.new"
-    torch.save({"steps": steps, "updates": updates, "seconds": seconds, "actor": actor.state_dict()}, new)
+    torch.save({**numbers, "actor": actor.state_dict()}, new)
     os.replace(new, folder / ACTOR)

@@ -148,6 +148,12 @@ class Result:
     mean_force: float | None = None
     peak_force: float | None = None
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether the training ended at the success rate that it was to reach, before all of its steps."""
+        until = self.training.get("until")
+        return until is not None and self.training["success"] >= until
+
     def save(self, folder: Path = OUT) -> Path:
         """Write the result atomically to a file named after task, method, sensor and seed, over an older one."""
         folder.mkdir(parents=True, exist_ok=True)

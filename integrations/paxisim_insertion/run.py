@@ -36,6 +36,7 @@ TEMPERATURE = 0.1
 
 _FIELDS = ("task", "method", "seed", "steps", "envs", "buffer", "redraw")
 _FIELDS += ("reward_scale", "temperature", "updates", "batch")
+_LATER = ("until", "actor_every")  # fields that runs of earlier versions lack
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Run:
         updates: Updates per environment step.
         batch: Transitions per update.
         temperature: Initial temperature of SAC.
+        until: Success rate of the last 100 training episodes at which the training ends; None to make all steps.
+        actor_every: Updates of the critics for one of the actor.
         parameters: Values that the paper does not specify.
         diagnosis: Diagnosis of a sensor. Its model, drawn within its intervals for each episode, replaces the
             randomisation of the method.
@@ -76,18 +79,22 @@ class Run:
     updates: float = 0.25
     batch: int = 256
     temperature: float = TEMPERATURE
+    until: float | None = None
+    actor_every: int = 1
     parameters: Parameters = PARAMETERS
     diagnosis: paxisim.diagnose.Diagnosis | None = None
     ranges: paxisim.SceneRanges = paxisim.SceneRanges()  # noqa: RUF009 - frozen
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for name in ("envs", "buffer", "batch"):
+        for name in ("envs", "buffer", "batch", "actor_every"):
             if getattr(self, name) < 1:
                 raise paxisim.InvalidValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
         for name in ("updates", "temperature", "reward_scale"):
             if not 0 < getattr(self, name) < float("inf"):
                 raise paxisim.InvalidValueError(f"{name} must be positive and finite, got {getattr(self, name)!r}")
+        if self.until is not None and not 0 < self.until <= 1:
+            raise paxisim.InvalidValueError(f"until must be a success rate above 0 and at most 1, got {self.until!r}")
 
     @property
     def gcs(self) -> paxisim.GCS | None:
@@ -140,7 +147,7 @@ class Run:
             parameters = Parameters(**{key: _tuples(value) for key, value in found["parameters"].items()})
             told = found["diagnosis"]
             diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
-            settings = {name: found[name] for name in _FIELDS}
+            settings = {name: found[name] for name in (*_FIELDS, *(late for late in _LATER if late in found))}
             ranges = _ranges(**found["ranges"])
             run = cls(folder, **settings, parameters=parameters, diagnosis=diagnosis, ranges=ranges)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
@@ -187,7 +194,7 @@ class Run:
             model.save(new)
 
     def _identity(self) -> dict[str, Any]:
-        own = {name: getattr(self, name) for name in _FIELDS}
+        own = {name: getattr(self, name) for name in (*_FIELDS, *_LATER)}
         found = None if self.diagnosis is None else json.loads(self.diagnosis.to_json())
         return {**own, "parameters": asdict(self.parameters), "diagnosis": found, "ranges": asdict(self.ranges)}
 

@@ -38,6 +38,8 @@ def train(
     batch: int = 128,
     temperature: float = TEMPERATURE,
     reward_scale: float = REWARD_SCALE,
+    until: float | None = None,
+    actor_every: int = 1,
     out: Path | None = None,
     resume: bool = False,
     save_every: float = 30.0,
@@ -59,6 +61,9 @@ def train(
         batch: Transitions per update.
         temperature: Initial temperature of SAC.
         reward_scale: Factor of the reward in training.
+        until: Success rate at which the training ends, over the last 100 episodes, whose actions are sampled. Default:
+            make all steps. With --resume it replaces that of the run.
+        actor_every: Updates of the critics for one of the actor.
         out: Folder of the run; created if missing. Default: runs/TASK_METHOD_SEED, with _fitted appended for --model.
         resume: Continue an existing run with the settings it was started with.
         save_every: Seconds between two checkpoints, of the model and the transitions.
@@ -73,6 +78,7 @@ def train(
     folder = out or RUNS / (folder_of(task, method, seed) + ("" if model is None else "_fitted"))
     if resume:
         run = Run.open(folder, resume=True)
+        run = run if until is None else replace(run, until=until)
         steps = run.steps if steps is None else steps
     else:
         steps = STEPS if steps is None else steps
@@ -92,6 +98,8 @@ def train(
             updates=updates,
             batch=batch,
             temperature=temperature,
+            until=until,
+            actor_every=actor_every,
             parameters=parameters,
             diagnosis=found,
             ranges=ranges,
@@ -112,7 +120,9 @@ def train(
         sac.set_logger(configure(str(folder / f"log_{done}"), ["csv", "tensorboard"]))
         print(f"{run.task} {run.name} seed {run.seed}: {done} of {steps} steps done, in {folder}", flush=True)
         progress = Progress(run, sac, steps, save_every)
-        if done < steps:
+        if progress.ended:
+            print(f"ended at a success of {run.until:.2f}: pass a larger --until to continue", flush=True)
+        elif done < steps:
             sac.learn(steps - done, callback=progress, reset_num_timesteps=False, log_interval=10)
         progress.save()
         sac.logger.close()
@@ -139,7 +149,11 @@ def load_diagnosis(folder: Path) -> paxisim.diagnose.Diagnosis:
 
 
 class Progress(BaseCallback):
-    """Saves the model at intervals and prints the progress."""
+    """Saves the model at intervals, prints the progress, and ends the training at the success of the run's `until`.
+
+    Attributes:
+        ended: Whether that success was reached.
+    """
 
     def __init__(self, run: Run, model: SAC, steps: int, save_every: float) -> None:
         """Take the run, its newest model, the total number of steps and the seconds between saves."""
@@ -147,7 +161,9 @@ class Progress(BaseCallback):
         self._run, self._sac, self._steps, self._save_every = run, model, steps, save_every
         self._saved = self._began = time.monotonic()
         self._first = 0
-        self._average, seconds = average_of(run, model)
+        self._average, seconds, success = average_of(run, model)
+        self.ended = run.until is not None and success >= run.until
+        self._success = success
         self._averaged, self._cpu_began = model._n_updates, time.process_time() - seconds
 
     def save(self) -> None:
@@ -158,7 +174,8 @@ class Progress(BaseCallback):
         buffer.flush()
         self._run.save(self._sac)
         seconds = time.process_time() - self._cpu_began
-        save_actor(self._run.folder, self._average.actor, self._sac.num_timesteps, self._sac._n_updates, seconds)
+        counts = {"steps": self._sac.num_timesteps, "updates": self._sac._n_updates}
+        save_actor(self._run.folder, self._average.actor, {**counts, "seconds": seconds, "success": self._success})
 
     def _on_training_start(self) -> None:
         self._first = self.num_timesteps
@@ -173,16 +190,19 @@ class Progress(BaseCallback):
             self._averaged += new
 
     def _on_step(self) -> bool:
-        now = time.monotonic()
-        if now - self._saved >= self._save_every:
+        now, successes = time.monotonic(), self.model.ep_success_buffer
+        whole = successes is not None and len(successes) == successes.maxlen
+        self._success = float(np.mean(successes)) if whole else 0.0  # type: ignore[arg-type]
+        self.ended = self._run.until is not None and self._success >= self._run.until
+        if now - self._saved >= self._save_every or self.ended:
             self.save()
             self._saved = time.monotonic()
             rate = (self.num_timesteps - self._first) / (now - self._began)
             left = (self._steps - self.num_timesteps) / max(rate, 1e-9) / 3600
-            successes = self.model.ep_success_buffer
             told = f"success {np.mean(successes):.2f} of {len(successes)} episodes" if successes else "no episode yet"
-            print(f"{self.num_timesteps} steps, {rate:.1f} a second, {left:.1f} h left; {told}", flush=True)
-        return True
+            rest = "ended" if self.ended else f"{left:.1f} h left"
+            print(f"{self.num_timesteps} steps, {rate:.1f} a second, {rest}; {told}", flush=True)
+        return not self.ended
 
 
 if __name__ == "__main__":

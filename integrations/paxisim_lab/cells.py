@@ -86,8 +86,8 @@ class Cell:
         if not path.exists():
             return False
         found = Result.load(path)
-        is_complete = found.training["steps"] >= self.steps and found.trials >= self.trials
-        return is_complete and not differing(found.versions)
+        is_complete = found.has_ended or found.training["steps"] >= self.steps
+        return is_complete and found.trials >= self.trials and not differing(found.versions)
 
     def is_finished(self, out: Path) -> bool:
         """Return whether all results of the cell exist."""

@@ -149,8 +149,10 @@ def comparable(found: list[Result]) -> tuple[list[Result], list[str]]:
 
 
 def _made(result: Result) -> dict[str, Any]:
-    """Return the settings and versions that made a result; a parameter that is not stated has its default."""
-    settings = {n: value for n, value in result.training.items() if n not in ("updates", "cpu_seconds", "parameters")}
+    """Return the settings and versions that made a result; what is not stated has its default."""
+    outcomes = ("updates", "cpu_seconds", "success", "parameters", *(("steps",) if result.has_ended else ()))
+    settings = {"until": None, "actor_every": 1, **result.training}
+    settings = {name: value for name, value in settings.items() if name not in outcomes}
     stated = {**asdict(PARAMETERS), **result.training.get("parameters", {})}
     stated = {name: json.loads(json.dumps(value)) for name, value in stated.items()}  # tuples as lists
     return {**settings, **stated, **{name: plain(version) for name, version in result.versions.items()}}

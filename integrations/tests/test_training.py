@@ -1,6 +1,7 @@
 """Trainings: resumed where they ended, with their settings; error messages; and that they learn."""
 
 import base64
+import copy
 import json
 import shutil
 import zipfile
@@ -11,13 +12,14 @@ import cloudpickle
 import numpy as np
 import pytest
 import torch
-from paxisim_insertion import InsertionEnv, Parameters
+from paxisim_insertion import InsertionEnv, Parameters, learner
 from paxisim_insertion.evaluate import evaluate
 from paxisim_insertion.learner import make_model
 from paxisim_insertion.results import Result
 from paxisim_insertion.run import Run
 from paxisim_insertion.shell import command
 from paxisim_insertion.train import train
+from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
 
 import paxisim
@@ -73,6 +75,52 @@ def test_what_the_paper_leaves_open_is_an_option(tmp_path, capsys):
     words = ["--steps", "0", "--envs", "1", "--buffer", "100", "--per-episode", "--out", str(tmp_path / "paper")]
     assert command(train, words) == 0
     assert not Run.open(tmp_path / "paper").redraw
+
+
+def test_a_training_ends_at_a_success_rate_and_goes_on_to_a_larger_one(tmp_path, capsys, monkeypatch):
+    """On a hole that is hard to miss, random actions succeed in a quarter of the episodes."""
+    monkeypatch.setattr(learner, "WINDOW", 20)
+    easy = Parameters(success_depth=18.9e-3, start=((-1e-3, -1e-3, 5e-3), (1e-3, 1e-3, 6e-3)))
+    run = tmp_path / "run"
+    train("SX-2mm", "DT", until=0.05, parameters=easy, out=run, steps=4000, updates=0.005, buffer=2000, device="cpu")
+    steps = torch.load(run / "actor.pt", weights_only=True)["steps"]
+    assert 2400 <= steps <= 2420, "twenty episodes of 120 steps"
+    assert "ended; success 0." in capsys.readouterr().out.splitlines()[-1]
+    train(out=run, resume=True, device="cpu")
+    assert "ended at a success of 0.05: pass a larger --until" in capsys.readouterr().out
+    evaluate(run, trials=1, engine="native", out=tmp_path / "out")
+    (result,) = map(Result.load, (tmp_path / "out").iterdir())
+    assert result.has_ended
+    assert 0.05 <= result.training["success"] < 0.6
+    train(out=run, resume=True, until=1.0, device="cpu")
+    assert torch.load(run / "actor.pt", weights_only=True)["steps"] >= 4000
+
+
+def test_the_update_is_that_of_sac(trained_run):
+    """From the same weights, draws and transitions, the weights after an update are those of stable-baselines3."""
+    run = Run.open(trained_run)
+    envs = run.make_envs()
+    own, usual = make_model(run, envs, "cpu"), make_model(run, envs, "cpu")
+    usual.__class__ = SAC
+    batch = own.replay_buffer.sample(64)
+    for model in (own, usual):
+        model.set_logger(configure(None, []))
+        model.replay_buffer.sample = lambda *_, **__: batch
+    before = copy.deepcopy(own.policy.state_dict())
+    for model, order in ((own, (1, 0)), (usual, (0, 1))):
+        noise = [torch.randn(64, 1, generator=torch.Generator().manual_seed(seed)) for seed in order]
+        draws = iter(noise)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(torch, "randn_like", lambda _, draws=draws: next(draws))
+            model.train(1, 64)
+    after, expected = own.policy.state_dict(), usual.policy.state_dict()
+    moved = {name for name in after if not torch.equal(after[name], before[name])}
+    assert any(name.startswith("actor") for name in moved)
+    assert any(name.startswith("critic_target") for name in moved)
+    for name, value in after.items():
+        torch.testing.assert_close(value, expected[name], msg=name)
+    assert own.log_ent_coef.item() == pytest.approx(usual.log_ent_coef.item(), abs=1e-6)
+    envs.close()
 
 
 class Harmful:
