@@ -56,7 +56,7 @@ def engines(
     folders = [] if policies is None else sorted(path.parent for path in policies.glob("*/run.json"))
     if policies is not None and not folders:
         raise paxisim.InvalidValueError(f"{policies} has no folders of runs or policies")
-    print(f"{pushes(parameters)}\n")
+    print(f"{pushes(parameters)}. {moves(parameters)}\n")
     print("| task | taxels, L1: median | 95 % | peg (mm): median | 95 % | sum of a pad (N): median | 95 % |")
     print("|---|---|---|---|---|---|---|")
     formats = (".3f", ".2f", ".2f") if other == "native" else (".2g", ".2g", ".2g")
@@ -86,6 +86,26 @@ def pushes(parameters: Parameters) -> str:
         f"robosuite's arm at its fingertip: {x:.1f} kg along x, {z:.1f} along z, {coupled:.1f} between them. A full "
         f"action straight down pushes with {down:.0f} N down and {along:.0f} N along x, and with {free:.0f} N down "
         "once it has slid"
+    )
+
+
+def moves(parameters: Parameters) -> str:
+    """Describe how far full actions move the fingertip in the native engine, and how hard the fingers hold the peg."""
+    env = InsertionEnv("SQ-2mm", "DT", parameters=parameters, engine="native")
+    ways: list[NDArray[np.floating]] = []
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1)):
+        env.reset(seed=FIRST_SEED)
+        path = [env.scene.fingertip[0][axis]]
+        for _ in range(6):
+            env.step(sign * np.eye(3)[axis])
+            path.append(env.scene.fingertip[0][axis])
+        ways.append(1e3 * np.abs(np.diff(path)))
+    first, aside, up = [way[0] for way in ways], np.concatenate([way[1:] for way in ways[:4]]), ways[4][1:]
+    grip = env.raw[:, 2].sum(axis=(1, 2)).mean()
+    return (
+        f"A full action moves the fingertip by {min(first):.1f} to {max(first):.1f} mm in the first step, and by "
+        f"{aside.min():.1f} to {aside.max():.1f} mm sideways or {up.min():.1f} to {up.max():.1f} mm up in each of the "
+        f"next five. {grip:.1f} N arrive at each pad"
     )
 
 

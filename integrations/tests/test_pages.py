@@ -13,12 +13,13 @@ import pytest
 from paxisim_insertion.shell import command
 from paxisim_lab.cells import read_cells
 from paxisim_lab.cost import cost
-from paxisim_lab.rates import RESULTS
+from paxisim_lab.rates import RESULTS, comparable, read_results, tables
 from paxisim_lab.table import table
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "guides" / "scale.md"
 README = ROOT / "integrations" / "README.md"
+MEASURED = ROOT / "docs" / "measurements" / "insertion.md"
 
 
 def blocks(kind, page=PAGE):
@@ -26,9 +27,8 @@ def blocks(kind, page=PAGE):
     return re.findall(rf"^```{kind}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("name", ["scale.md", "insertion.md", "loop.md", "README.md"])
-def test_the_commands_are_ones_that_there_are(name):
-    page = README if name == "README.md" else PAGE.with_name(name)
+@pytest.mark.parametrize("page", [PAGE, PAGE.with_name("insertion.md"), PAGE.with_name("loop.md"), README, MEASURED])
+def test_the_commands_are_ones_that_there_are(page):
     text = page.read_text(encoding="utf-8").replace("\\\n", "")
     lines = re.findall(r"(?:^|`)(python -m paxisim_(?:insertion|lab)\.[^`\n]*)", text, re.MULTILINE)
     assert lines
@@ -57,9 +57,17 @@ def test_the_matrix_and_the_costs_of_the_page(tmp_path, capsys):
     assert blocks("text") == [capsys.readouterr().out]
 
 
-def test_the_tables_of_the_readme_are_those_that_the_command_prints(capsys):
+def test_the_tables_of_the_pages_are_those_that_the_command_prints(capsys):
     assert command(table, ["--results", str(RESULTS)]) == 0
-    assert capsys.readouterr().out.strip() in README.read_text(encoding="utf-8")
+    assert capsys.readouterr().out.strip() in MEASURED.read_text(encoding="utf-8")
+    found, _ = comparable(read_results(RESULTS))
+    simulated, transferred = (one for one in tables(found) if "GCS+O" in one.rows)
+    lines = README.read_text(encoding="utf-8").splitlines()
+    for method in transferred.rows:
+        means = (*simulated.means(method), *transferred.means(method))
+        if means[1] is not None:
+            row = " | ".join("" if mean is None else f"{mean:.2f}" for mean in means)
+            assert f"| {method} | {row} |" in lines
 
 
 @pytest.mark.slow
