@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from array_api_compat import array_namespace, device
 from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError
@@ -89,31 +90,31 @@ class GaussianBump:
         return bump_heights(self, layout, np.array(self.center), np.array(self.deviation))
 
 
-def bump_heights(
-    bump: GaussianBump, layout: TaxelLayout, center: NDArray[np.floating], deviation: NDArray[np.floating]
-) -> NDArray[np.floating]:
+def bump_heights(bump: GaussianBump, layout: TaxelLayout, center: Any, deviation: Any) -> Any:
     """Return the heights of many bumps with their own centres and deviations and the other fields of `bump`.
 
     Args:
         bump: Bump that gives the depths.
         layout: Layout of the taxels.
-        center: ``(..., 2)`` centres in taxels.
-        deviation: ``(..., 2)`` deviations in taxels.
+        center: ``(..., 2)`` centres in taxels, an array of numpy or torch.
+        deviation: ``(..., 2)`` deviations in taxels, of the same kind.
 
     Returns:
-        ``(..., rows, cols)`` thickness (m), as from `GaussianBump.heights`.
+        ``(..., rows, cols)`` thickness (m), as from `GaussianBump.heights`; of the same library, on the same device.
     """
+    xp = array_namespace(center, deviation)
     is_grid = layout.rows > 1 and layout.cols > 1
-    x, y = _taxel_coordinates(layout, is_grid)
-    (gx, gy), (sx, sy) = (np.moveaxis(values, -1, 0)[..., None, None] for values in (center, deviation))
-    distance = np.sqrt((gx - x) ** 2 / sx**2 + (gy - y) ** 2 / sy**2)
-    furthest = distance.max(axis=(-2, -1), keepdims=True)
-    share = distance / np.where(furthest > 0, furthest, 1.0)
+    x, y = (xp.asarray(own, dtype=center.dtype, device=device(center)) for own in _taxel_coordinates(layout, is_grid))
+    gx, gy = center[..., 0, None, None], center[..., 1, None, None]
+    sx, sy = deviation[..., 0, None, None], deviation[..., 1, None, None]
+    distance = xp.sqrt((gx - x) ** 2 / sx**2 + (gy - y) ** 2 / sy**2)
+    furthest = xp.max(distance, axis=(-2, -1), keepdims=True)
+    share = distance / xp.where(furthest > 0, furthest, xp.ones_like(furthest))
     depth = bump.h_min + share * (bump.h_max - bump.h_min)
     if is_grid:
-        edge = np.ones(depth.shape[-2:], dtype=bool)
-        edge[1:-1, 1:-1] = False
-        depth[..., edge] -= bump.boundary
+        edge = np.ones(depth.shape[-2:])
+        edge[1:-1, 1:-1] = 0
+        depth = depth - bump.boundary * xp.asarray(edge, dtype=depth.dtype, device=device(depth))
     if bump.depth_is == "thickness":
         return depth
     return bump.h_min + bump.h_max - depth

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from paxisim.augment.around import check_intervals, drawn
 from paxisim.augment.chain import Chain
@@ -207,7 +206,7 @@ class GCS:
         layout: TaxelLayout = PAPER_LAYOUT,
         pads: int = 2,
         **fixed: Any,
-    ) -> NDArray[np.floating]:
+    ) -> Any:
         """Draw G: the thickness of the taxel cubes, for ``paxisim.set_surface``.
 
         Args:
@@ -218,20 +217,20 @@ class GCS:
             **fixed: Fields of `paxisim.GaussianBump` to fix, e.g. ``h_max=1.2e-3``.
 
         Returns:
-            ``(*batch, pads, rows, cols)`` thickness (m) as a numpy array. If geometry is switched off, it is flat, at
-            the mean of ``h_min`` and ``h_max``.
+            ``(*batch, pads, rows, cols)`` thickness (m), an array; with torch, a tensor on the generator's device. If
+            geometry is switched off, it is flat, at the mean of ``h_min`` and ``h_max``.
         """
         shape = (*batch_shape, pads, 2)
         share, deviation = uniform(rng, shape, (0.0, 1.0)), uniform(rng, shape, self.ranges.deviation)
-        if not isinstance(rng, np.random.Generator):
-            share, deviation = share.cpu().numpy(), deviation.cpu().numpy()
-        center = np.asarray(share, dtype=np.float64) * [layout.cols, layout.rows]
         model = GaussianBump(**{"center": (0.0, 0.0), **fixed})
+        if isinstance(rng, np.random.Generator):
+            share, deviation = np.asarray(share, dtype=np.float64), np.asarray(deviation, dtype=np.float64)
         if not self.geometry:
-            return np.full((*shape[:-1], layout.rows, layout.cols), (model.h_min + model.h_max) / 2)
-        center = np.broadcast_to(fixed.get("center", center), shape)
-        deviation = np.broadcast_to(fixed.get("deviation", np.asarray(deviation, dtype=np.float64)), shape)
-        return bump_heights(model, layout, center, deviation)
+            flat = np.full((*shape[:-1], layout.rows, layout.cols), (model.h_min + model.h_max) / 2)
+            return as_like(flat, share)
+        bump = {"center": share * as_like(np.array([layout.cols, layout.rows]), share), "deviation": deviation}
+        bump |= {name: as_like(np.broadcast_to(fixed[name], shape), share) for name in bump if name in fixed}
+        return bump_heights(model, layout, **bump)
 
 
 @dataclass(frozen=True)

@@ -125,7 +125,8 @@ def test_switching_a_part_changes_nothing_else(gcs, kinds):
 def test_surfaces_are_those_of_gaussian_bumps(rng):
     heights = GCS().sample_surface(rng, (500,), layout=LAYOUT)
     assert heights.shape == (500, 2, 6, 5)
-    assert isinstance(heights, np.ndarray)
+    assert isinstance(heights, np.ndarray if isinstance(rng, np.random.Generator) else torch.Tensor)
+    heights = np.asarray(heights)
     # a batch follows the same distribution as bumps that are sampled one at a time
     reference = np.stack([GaussianBump.sample(LAYOUT, np.random.default_rng(i)).heights(LAYOUT) for i in range(1000)])
     for statistic in (np.mean, np.ptp, np.min, lambda h, axis: h.argmax(axis)):
@@ -156,6 +157,16 @@ def test_torch_parameters_live_where_the_generator_does():
     assert chain(torch.empty(7, 2, 3, 6, 5, device="meta")).shape == (7, 2, 3, 6, 5)
     chain = GCS().sample(torch.Generator().manual_seed(0), (7,))
     assert chain["taxel_gain"].gain.dtype == torch.float32
+    for gcs in (GCS(), GCS(geometry=False)):
+        heights = gcs.sample_surface(torch.device("meta"), (7,), center=(1.5, 2.5))
+        assert (heights.device.type, heights.shape) == ("meta", (7, 2, 6, 5))
+
+
+@needs_torch
+def test_bumps_are_the_same_in_torch():
+    fixed = {"center": (1.5, 2.5), "deviation": (1.0, 3.0), "depth_is": "recess"}
+    heights = GCS().sample_surface(torch.Generator(), (2,), layout=LAYOUT, **fixed)
+    np.testing.assert_allclose(heights[1, 0], GaussianBump(**fixed).heights(LAYOUT), rtol=1e-6)
 
 
 def test_layouts():

@@ -32,14 +32,14 @@ class Starts:
         bottom: ``(worlds, 3)`` position of the peg's bottom (m), see `Scene.place`.
         offset: ``(worlds, 3)`` offset of the fingers (m), see `Grasp`.
         lean: ``(worlds,)`` rotation of the peg (rad), see `Grasp`.
-        heights: ``(worlds, pads, rows, cols)`` heights of the taxels (m), an array.
+        heights: ``(worlds, pads, rows, cols)`` heights of the taxels (m).
         chain: The chain through which the readings pass, with parameters for each world.
     """
 
     bottom: torch.Tensor
     offset: torch.Tensor
     lean: torch.Tensor
-    heights: Any
+    heights: torch.Tensor
     chain: paxisim.Chain
 
     @classmethod
@@ -80,7 +80,7 @@ class Starts:
             return torch.as_tensor(np.asarray(values), dtype=torch.float32, device=device)
 
         offset, lean = put([grasp.offset for grasp in grasps]), put([grasp.lean for grasp in grasps])
-        return cls(put(bottoms), offset, lean, np.array(heights), convert_chain(stack_chains(chains), put))
+        return cls(put(bottoms), offset, lean, put(heights), convert_chain(stack_chains(chains), put))
 
 
 class WarpScene:
