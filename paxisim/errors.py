@@ -8,6 +8,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_LISTED = 20
+"""Known names that an error lists at most."""
+
 
 class PaxisimError(Exception):
     """Base class of all errors that paxisim raises deliberately."""
@@ -18,7 +21,7 @@ class InvalidValueError(PaxisimError, ValueError):
 
 
 class UnknownNameError(PaxisimError, LookupError):
-    """A name is not among the known ones; the message suggests close matches."""
+    """A name is not among the known ones; the message suggests close matches, or lists up to `MOST_LISTED` names."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
         """Build the message.
@@ -30,12 +33,12 @@ class UnknownNameError(PaxisimError, LookupError):
             advice: Further advice for the user.
         """
         known = sorted(known)
-        in_lower_case = {n.lower(): n for n in known}
-        near = [in_lower_case[n] for n in difflib.get_close_matches(name.lower(), in_lower_case, n=3, cutoff=0.4)]
+        near = _near(name, known)
         if near:
             hint = "did you mean " + " or ".join(repr(n) for n in near) + "?"
         elif known:
-            hint = "known: " + ", ".join(known)
+            more = len(known) - MOST_LISTED
+            hint = "known: " + ", ".join(known[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
         else:
             hint = "there is none"
         super().__init__(f"unknown {kind} {name!r}; {hint}" + (f"; {advice}" if advice else ""))
@@ -49,6 +52,14 @@ class UnknownNameError(PaxisimError, LookupError):
     def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, list[str], str]]:
         """Copy and pickle by the arguments, because the default uses the message alone."""
         return type(self), self._made_of
+
+
+def _near(name: str, known: list[str]) -> list[str]:
+    """Return up to three known names that are spelled nearly like `name`, or that contain it."""
+    in_lower_case = {n.lower(): n for n in known}
+    spelled = difflib.get_close_matches(name.lower(), in_lower_case, n=3, cutoff=0.6)
+    containing = [n for n in in_lower_case if len(name) > 2 and name.lower() in n]
+    return [in_lower_case[n] for n in dict.fromkeys([*spelled, *containing])][:3]
 
 
 class MissingExtraError(PaxisimError, ImportError):

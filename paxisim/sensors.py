@@ -99,7 +99,7 @@ def sensor(name: str) -> Sensor:
     try:
         return _catalogue()[name.lower()]
     except KeyError:
-        raise UnknownNameError("sensor", name, _catalogue()) from None
+        raise UnknownNameError("sensor", name, _catalogue(), "`paxisim sensors` lists them") from None
 
 
 def known_sensors() -> tuple[Sensor, ...]:

@@ -22,7 +22,7 @@ from paxisim.cli.device import device_check, device_profiles, device_quality
 from paxisim.cli.diagnose import diagnose
 from paxisim.cli.emulate import emulate
 from paxisim.cli.example import example
-from paxisim.cli.help import arranged, misuse, sentence
+from paxisim.cli.help import arranged, misuse, overview, sentence, unknown_verb
 from paxisim.cli.info import info
 from paxisim.cli.live import live
 from paxisim.cli.output import PrintableOutput, printable
@@ -66,6 +66,14 @@ GROUPS = {
         "Check a real sensor, measure its quality, list profiles.",
     ),
 }
+# the list of verbs, by what a user does
+SECTIONS = {
+    "Start here": ("demo", "example", "sensors"),
+    "Pads in MuJoCo": ("pad", "attach", "view"),
+    "A real sensor": ("device", "record", "live", "emulate", "calibrate"),
+    "Recordings": ("info", "convert", "plot"),
+    "From a recording to a better simulation": ("protocol", "scene", "replay", "diagnose"),
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -78,8 +86,13 @@ def main(arguments: list[str] | None = None) -> int:
         Exit status: 0 on success, 2 after an error that is reported in one line on stderr, 130 after Ctrl-C.
     """
     warnings.showwarning = _show_warning
-    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+    words = sys.argv[1:] if arguments is None else arguments
+    if words == ["--version"]:
         print(f"paxisim {__version__}")
+        return 0
+    if not words or words in (["-h"], ["--help"]):
+        sentences = {name: _sentence(verb) for name, verb in VERBS.items()}
+        print(overview(SECTIONS, sentences | {name: said for name, (_, said) in GROUPS.items()}))
         return 0
     try:
         verb = parse(arguments)
@@ -108,6 +121,8 @@ def parse(arguments: list[str] | None) -> Callable[[], None]:
         SystemExit: With status 0 after printing the requested help, or with an error message if parsing failed.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    if wrong := unknown_verb(words, _known()):
+        raise SystemExit(wrong)
     said, helped = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(helped):
@@ -125,8 +140,17 @@ def parse(arguments: list[str] | None) -> Callable[[], None]:
         if stop.code in (0, None):
             print(arranged(helped.getvalue()))
             raise
-        known = {**dict.fromkeys(VERBS, ()), **{name: tuple(verbs) for name, (verbs, _) in GROUPS.items()}}
-        raise SystemExit(misuse(said.getvalue(), words, known)) from None
+        raise SystemExit(misuse(said.getvalue(), words, _known())) from None
+
+
+def _known() -> dict[str, tuple[str, ...]]:
+    """Return all verbs, each with the verbs that may follow it."""
+    return {**dict.fromkeys(VERBS, ()), **{name: tuple(verbs) for name, (verbs, _) in GROUPS.items()}}
+
+
+def _sentence(verb: Callable[..., None]) -> str:
+    """Return the first sentence of a verb's help."""
+    return (verb.__doc__ or "").partition("\n\n")[0]
 
 
 def _deferred(verb: Callable[..., None], explained: bool) -> Callable[..., Callable[[], None]]:
@@ -142,7 +166,7 @@ def _deferred(verb: Callable[..., None], explained: bool) -> Callable[..., Calla
         return functools.partial(verb, *args, **options)
 
     if not explained:
-        bind.__doc__ = (verb.__doc__ or "").partition("\n\n")[0]
+        bind.__doc__ = _sentence(verb)
     return bind
 
 

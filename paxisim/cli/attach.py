@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from paxisim.cli.mounts import format_mount, parse_mount
-from paxisim.cli.output import TERMINAL_COLUMNS, check_output, png, progress, write_output
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output, named_after, png, progress, write_output
 from paxisim.cli.taxels import Taxels
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
@@ -26,8 +26,8 @@ _INDENTED = "\n" + " " * len("  --mount '")
 def attach(
     gripper: Annotated[Path, tyro.conf.Positional],
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     fingers: tuple[str, ...] = (),
     close: tuple[str, ...] = (),
     under: str = "",
@@ -62,7 +62,7 @@ def attach(
     Args:
         gripper: The robot's MJCF or URDF file.
         taxels: The pad's taxels.
-        output: Output MJCF file, .xml.
+        output: Output MJCF file, .xml; default: the name of the gripper, with _with_pads.xml.
         fingers: Bodies that are the fingertips; a jaw that does not move is one of them.
         close: Actuators, or joints that have none, that close the hand.
         under: Body that carries the hand, such as the last link of an arm.
@@ -81,6 +81,7 @@ def attach(
     """
     import paxisim
 
+    output = named_after(gripper, "_with_pads.xml") if output is None else output
     picture = output.with_suffix(".png") if picture is None else picture
     check_output(output, force, ".xml")
     check_output(picture, force, ".png")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from paxisim.cli.output import check_output, png, progress, write_output
+from paxisim.cli.output import check_output, named_after, png, progress, write_output
 from paxisim.errors import InvalidValueError, MissingExtraError
 from paxisim.files import all_or_none
 
@@ -25,7 +25,7 @@ def calibrate(
     recording: Annotated[Path | None, tyro.conf.Positional] = None,
     /,
     *,
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     loads: tuple[str, ...] = (),
     background: Path | None = None,
     covariates: tuple[str, ...] = (),
@@ -55,7 +55,8 @@ def calibrate(
 
     Args:
         recording: Recording with the channels as measured tensors and the loads as covariates (.mcap, .npz, .csv).
-        output: Output file: a calibration or background (.json), or a recording (.mcap, .npz).
+        output: Output file: a calibration or background (.json), or a recording (.mcap, .npz). Default: the name of the
+            recording, with -calibration.json, -background.json or -without-background.mcap.
         loads: Covariates that hold the load, up to six, in N and N m.
             Either names, or COMPONENT=NAME with the components Fx, Fy, Fz, Tx, Ty and Tz.
             A covariate with 3 or 6 values per sample holds the components in this order.
@@ -68,6 +69,7 @@ def calibrate(
         max_delay: Largest delay between loads and channels to search, in seconds, in either direction.
         force: Overwrite the outputs if they exist.
     """
+    output = _output(recording, loads, background) if output is None else output
     _check(recording, output, loads, background, covariates)
     given = _loads(loads)
     pictures = [output.with_suffix(".png"), *([output.with_suffix(".residuals.png")] if loads else [])]
@@ -99,6 +101,13 @@ def calibrate(
         return
     for picture, shown in zip(pictures, made.pictures, strict=True):
         print(f"{picture}: {shown}")
+
+
+def _output(recording: Path | None, loads: tuple[str, ...], background: Path | None) -> Path:
+    """Return the default output."""
+    if recording is None:
+        return named_after(background or "", "-background.json")
+    return named_after(recording, "-calibration.json" if loads else "-without-background.mcap")
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import tyro
 
-from paxisim.cli.output import check_output, live_line, png, printable, progress, write_output
+from paxisim.cli.output import check_output, live_line, named_after, png, printable, progress, write_output
 from paxisim.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ _PATIENCE = 5.0  # s; longest wait for a frame
 def device_check(
     port: Annotated[str, tyro.conf.Positional],
     profile: str,
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     seconds: float = 4.0,
     force: bool = False,
 ) -> None:
@@ -49,7 +49,7 @@ def device_check(
     Args:
         port: Port of the sensor.
         profile: Profile to check, closest to the sensor: a name or a .toml file.
-        output: Output profile, .toml.
+        output: Output profile, .toml; default: the name of the profile, with -checked.toml.
         seconds: Duration of each step in seconds.
         force: Overwrite the output if it exists.
     """
@@ -61,6 +61,7 @@ def device_check(
     from paxisim.hw.profiles.profile import UnverifiedProfileWarning
     from paxisim.hw.profiles.write import profile_toml
 
+    output = named_after(profile, "-checked.toml") if output is None else output
     if output.suffix != ".toml":
         raise InvalidValueError(f"the output must be a .toml file, so that it can be used as a profile, got {output}")
     check_output(output, force)

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from paxisim.cli.diagnosis_files import FILES, check_diagnosis_folder
-from paxisim.cli.output import progress
+from paxisim.cli.output import named_after, progress
 from paxisim.cli.several import diagnose_each
 from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError
@@ -16,8 +16,8 @@ from paxisim.errors import InvalidValueError
 
 def diagnose(
     recordings: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH [PATH ...]")],
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     scene: Path | None = None,
     sensor: Path | None = None,
     causes: Annotated[str, tyro.conf.arg(aliases=["--only"])] = "",
@@ -52,7 +52,8 @@ def diagnose(
 
     Args:
         recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
-        output: Output folder; created if missing, but its parent must exist.
+        output: Output folder; created if missing, but its parent must exist. Default: the name of the recording, with
+            -diagnosis; of several recordings, diagnoses.
         scene: Scene file, .toml, as for `paxisim replay`.
         sensor: Model of the sensor known beforehand, .json: the model.json of a diagnosis of the same unit, or a chain
             of your own. What its gel and magnets do is taken as known.
@@ -77,6 +78,8 @@ def diagnose(
     if len(recordings) == 0:
         raise InvalidValueError("expected a recording to diagnose, such as recording.mcap")
     address = _address(ray, jobs, len(recordings))
+    if output is None:
+        output = named_after(recordings[0], "-diagnosis") if len(recordings) == 1 else Path("diagnoses")
     if len(recordings) > 1:
         options = ["--causes", causes, "--seed", str(seed)]
         options += [] if sensor is None else ["--sensor", str(sensor.absolute())]

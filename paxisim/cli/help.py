@@ -9,8 +9,9 @@ import shutil
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 
+from paxisim.errors import UnknownNameError
+
 _EXAMPLES = "For example:"
-_ALL_VERBS = "usage: paxisim [-h] {"
 _BOXES = (" positional arguments", " options", " subcommands")  # headings after the description in tyro's help
 
 
@@ -22,8 +23,6 @@ def arranged(text: str) -> str:
     """
     width = shutil.get_terminal_size().columns
     lines = _without_none(text).rstrip().splitlines() or [""]
-    if lines[0].startswith(_ALL_VERBS):  # tyro breaks this line in the middle of a name
-        lines[: lines.index("")] = [f"{_ALL_VERBS[:-1]}VERB ..."]
     examples: list[str] = []
     if _EXAMPLES in lines:
         begin = lines.index(_EXAMPLES)
@@ -54,6 +53,41 @@ def _command(line: str, width: int) -> str:
     return " \\\n    ".join(lines).join(["  ", ""])
 
 
+def overview(sections: Mapping[str, Sequence[str]], sentences: Mapping[str, str]) -> str:
+    """Return the list of verbs.
+
+    Args:
+        sections: Verbs by heading.
+        sentences: What each verb does.
+    """
+    width, column = min(shutil.get_terminal_size().columns, 80), 4 + max(map(len, sentences))
+    lines = ["usage: paxisim VERB ...", "", "Magnet-based tactile sensors in MuJoCo."]
+    for heading, verbs in sections.items():
+        lines += ["", f"{heading}:"]
+        for verb in verbs:
+            begin = f"  {verb}".ljust(column)
+            lines += textwrap.wrap(" ".join(sentences[verb].split()), width, initial_indent=begin,
+                                   subsequent_indent=" " * column)  # fmt: skip
+    return "\n".join([*lines, "", "`paxisim VERB --help` explains a verb, `paxisim --version` prints the version."])
+
+
+def unknown_verb(words: Sequence[str], verbs: Mapping[str, Collection[str]]) -> str:
+    """Return an error about words that begin with no verb; empty if they do.
+
+    Args:
+        words: Arguments after ``paxisim``.
+        verbs: Known verbs, each with the verbs that may follow it.
+    """
+    if not words or words[0].startswith("-"):
+        return ""
+    if words[0] not in verbs:
+        return f"{UnknownNameError('verb', words[0], verbs)}; see paxisim --help"
+    following = verbs[words[0]]
+    if following and len(words) > 1 and not words[1].startswith("-") and words[1] not in following:
+        return f"{UnknownNameError(f'verb of {words[0]}', words[1], following)}; see paxisim {words[0]} --help"
+    return ""
+
+
 def misuse(boxed: str, words: Sequence[str], verbs: Mapping[str, Collection[str]]) -> str:
     """Return why the arguments did not parse, and which help to read.
 
@@ -71,12 +105,34 @@ def misuse(boxed: str, words: Sequence[str], verbs: Mapping[str, Collection[str]
             paragraphs[-1] += text.split()
         elif paragraphs[-1]:
             paragraphs.append([])
-    said = "; ".join(" ".join(words).removesuffix(".") for words in paragraphs[:2] if words)
+    said = [_plainly(" ".join(words)) for words in paragraphs if words]
     asked = ["paxisim"]
     if words and words[0] in verbs:
         asked.append(words[0])
         asked += [word for word in words[1:2] if word in verbs[words[0]]]
-    return f"{said}; see {' '.join(asked)} --help"
+    return f"{'; '.join(filter(None, said))}; see {' '.join(asked)} --help"
+
+
+def _plainly(said: str) -> str:
+    """Return a paragraph of tyro's message as a user would say it; empty if it only repeats the help."""
+    if said.startswith("Argument helptext:"):
+        return ""
+    if found := re.match(r"Error parsing (\S+): .*?(INT|FLOAT|int\(|float)[^']*('.*')", said):
+        option, kind, got = found.groups()
+        return f"{option} must be a {'whole ' if kind.lower().startswith('int') else ''}number, got {got}"
+    if found := re.match(r"invalid choice ('.*') for argument '(.*)'. Expected one of \((.*)\)", said):
+        got, option, choices = found.groups()
+        return f"{option} must be one of {choices.rstrip(',')}, got {got}"
+    if found := re.match(r"Missing value for argument '(.*)'", said):
+        return f"{found[1]} needs a value"
+    if found := re.match(r"Missing from paxisim[\w ]*: (.*)", said):
+        missing = [part.strip().rstrip(".") for part in found[1].split("(required)") if part.strip()]
+        return "missing: " + ", ".join(
+            re.sub(r"^(--\S+ |-\w \S+, )?(\S+) (.*)$", r"\1\2 (\3)", part) for part in missing
+        )
+    if found := re.match(r"Unrecognized options: (.*)", said):
+        return f"unknown option {found[1]}"
+    return said.removesuffix(".")
 
 
 def sentence(error: OSError) -> str:

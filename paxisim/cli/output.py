@@ -91,6 +91,11 @@ def check_output(path: Path, force: bool, suffix: str = "") -> None:
         raise OutputExistsError(f"{path} exists; --force overwrites it")
 
 
+def named_after(source: str | Path, ending: str) -> Path:
+    """Return the default output for an input file: its name with another ending, in the working directory."""
+    return Path(f"{Path(source).stem}{ending}")
+
+
 def check_no_file(folder: Path) -> None:
     """Check that an output folder is not an existing file.
 

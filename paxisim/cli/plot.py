@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from paxisim.cli.output import check_output, progress, size_text
+from paxisim.cli.output import check_output, named_after, progress, size_text
 from paxisim.cli.stages import Stages
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def plot(
     recording: Annotated[Path, tyro.conf.Positional],
     *,
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     force: bool = False,
 ) -> None:
     """Film a recording: its pads, and the total normal force over time.
@@ -31,12 +31,13 @@ def plot(
 
     Args:
         recording: Recording: .mcap, .npz, .parquet, .csv or .hdf5.
-        output: Output file, .mp4, .gif or .webp.
+        output: Output file, .mp4, .gif or .webp; default: the name of the recording, with .gif.
         force: Overwrite the output if it exists.
     """
     from paxisim.recording import Recording
     from paxisim.viz.film import check_film, film_recording
 
+    output = named_after(recording, ".gif") if output is None else output
     check_film(output)
     check_output(output, force)
     progress(f"reading {recording}")

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def protocol(
     name: Annotated[Literal["press", "regrasp", "open-close"], tyro.conf.Positional],
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     depth_mm: float | None = None,
     stop_n: float | None = None,
     force: bool = False,
@@ -36,7 +36,7 @@ def protocol(
     Args:
         name: press: an indenter on one pad. regrasp: two pads and a peg. open-close: a gripper without contact.
         taxels: The pad for press; default: the size of paxini-gen1-l4629.
-        output: Output file, .json.
+        output: Output file, .json; default: the name of the motion, with .json.
         depth_mm: Maximum depth in mm; default: 1.5 for press, 0.4 into each pad for regrasp.
         stop_n: Total normal force (N) on a pad at which the robot must stop.
             Default: 20 for press, 25 for regrasp, 2 for open-close.
@@ -44,6 +44,7 @@ def protocol(
     """
     from paxisim.protocols.ready import protocol as ready_made
 
+    output = Path(f"{name}.json") if output is None else output
     check_output(output, force, ".json")
     options: dict[str, float | tuple[float, float]] = {}
     if depth_mm is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from paxisim.cli.output import TERMINAL_COLUMNS, check_output, progress
+from paxisim.cli.output import TERMINAL_COLUMNS, check_output, named_after, progress
 from paxisim.cli.plot import print_film
 from paxisim.cli.stages import Stages
 from paxisim.errors import InvalidValueError
@@ -26,7 +26,7 @@ def replay(
     *,
     scene: Path,
     streams: tuple[Path, ...] = (),
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     mode: Literal["auto", "kinematic", "fitted", "shape", "servo", "force"] | None = None,
     mean: bool = False,
     align_clocks: bool = False,
@@ -54,7 +54,7 @@ def replay(
         recording: Recording with the streams that drive the scene (.mcap, .npz, .csv), or a motion (.json).
         scene: Scene file, .toml.
         streams: Files with more streams of the same motion, such as the robot's log; as for `paxisim convert`.
-        output: Output file, .mcap or .npz.
+        output: Output file, .mcap or .npz; default: the name of the recording, with -replayed.mcap.
         mode: How the scene follows the motion; default: as the scene file states.
             auto: fitted if the opening of the gripper does not determine the force, else kinematic.
             kinematic: exact poses.
@@ -83,6 +83,7 @@ def replay(
     from paxisim.scene.resume import simulate_resumable
     from paxisim.scene.scene import Scene
 
+    output = named_after(recording, "-replayed.mcap") if output is None else output
     if output.suffix.lower() not in (".mcap", ".npz"):
         raise InvalidValueError(f"the output must end in .mcap or .npz, got {output}")
     check_output(output, force)

@@ -15,8 +15,8 @@ from paxisim.cli.taxels import Taxels
 def scene_make(
     kind: Annotated[Literal["indenter", "gripper", "peg"], tyro.conf.Positional],
     taxels: tyro.conf.OmitArgPrefixes[Taxels],
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
     *,
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="PATH")] = None,
     force: bool = False,
 ) -> None:
     """Write a ready-made scene: an indenter on one pad, a gripper in the air, or a gripper with a peg.
@@ -28,11 +28,12 @@ def scene_make(
     Args:
         kind: Kind of scene: indenter is moved by the streams x, y and depth, gripper and peg by the stream opening.
         taxels: The pad's taxels.
-        output: Output file, .toml; the MJCF gets the same name, with .xml.
+        output: Output file, .toml; default: the kind, with .toml. The MJCF gets the same name, with .xml.
         force: Overwrite both files if they exist.
     """
     from paxisim.scene import ready
 
+    output = Path(f"{kind}.toml") if output is None else output
     check_output(output, force, ".toml")
     check_output(output.with_suffix(".xml"), force)
     layout = taxels.layout()
@@ -44,7 +45,7 @@ def scene_make(
 
 def scene_compose(
     *,
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("scene.xml"),
     arm: Path | None = None,
     at: str = "",
     hand: Path | None = None,

@@ -19,8 +19,8 @@ _GAP = 2  # spaces between the columns of a table
 
 def scene_init(
     model: Annotated[Path, tyro.conf.Positional],
+    recording: Annotated[Path, tyro.conf.Positional],
     *,
-    recording: Path,
     streams: tuple[Path, ...] = (),
     opening: str = "",
     quaternion: Literal["wxyz", "xyzw"] | None = None,
@@ -36,9 +36,9 @@ def scene_init(
 
     For example:
 
-    paxisim scene init gripper.xml --recording squeeze.mcap -o squeeze.toml
+    paxisim scene init gripper.xml squeeze.mcap -o squeeze.toml
 
-    paxisim scene init scene.xml --recording squeeze.mcap --streams robot.csv -o squeeze.toml --picture contact.png
+    paxisim scene init scene.xml squeeze.mcap --streams robot.csv -o squeeze.toml --picture contact.png
 
     Args:
         model: MJCF file with pads, as `paxisim attach` writes it.

@@ -44,9 +44,12 @@ def pads_in(name):
 def test_the_list_of_verbs_has_a_sentence_for_each(capsys):
     assert main(["--help"]) == 0
     text = capsys.readouterr().out
-    assert all(re.search(rf"^ +• {verb} +[A-Z]", text, re.MULTILINE) for verb in (*VERBS, *GROUPS))
+    assert main([]) == 0
+    assert capsys.readouterr().out == text
+    listed = re.findall(r"^  (\w+) +[A-Z]", text, re.MULTILINE)
+    assert sorted(listed) == sorted((*VERBS, *GROUPS))
     assert "Example" not in text
-    assert len(text.splitlines()) < 50
+    assert len(text.splitlines()) < 60
     assert max(map(len, text.splitlines())) <= 80
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"paxisim {paxisim.__version__}\n"
@@ -106,6 +109,23 @@ def test_attach_finds_mounts_says_so_and_its_words_can_be_given_back(capsys):
     )
     assert pads.names == pads_again.names == ("left_finger_pad", "right_finger_pad")
     assert found.body_pos[pads.bodies] == pytest.approx(again.body_pos[pads_again.bodies], abs=2e-6)
+
+
+def test_an_output_is_named_after_the_input_and_never_overwritten(capsys):
+    assert main(["attach", "gripper.xml", *GRID]) == 0
+    assert Path("gripper_with_pads.xml").exists()
+    assert Path("gripper_with_pads.png").exists()
+    for words, output in (
+        (["protocol", "press"], "press.json"),
+        (["scene", "make", "indenter", *GRID], "indenter.toml"),
+        (["scene", "compose", "--hand", "gripper.xml"], "scene.xml"),
+    ):
+        assert main(words) == 0
+        before = Path(output).read_bytes()
+        capsys.readouterr()
+        assert main(words) == 2
+        assert f"{output} exists; --force overwrites it" in capsys.readouterr().err
+        assert Path(output).read_bytes() == before
 
 
 def test_attach_adds_a_pad_of_the_same_shape_beside_another():

@@ -109,7 +109,7 @@ def test_what_cannot_be_followed_is_one_line(made, capsys):
 
 def test_a_scene_is_begun_from_names(made, capsys):
     folder, _ = made
-    words = [str(folder / "press.xml"), "--recording", str(folder / "press.mcap"), "-o", "begun.toml"]
+    words = [str(folder / "press.xml"), str(folder / "press.mcap"), "-o", "begun.toml"]
     assert main(["scene", "init", *words]) == 0
     assert "stream 'depth' moves joint 'depth': their names agree" in capsys.readouterr().out
     scene = paxisim.Scene.load("begun.toml")

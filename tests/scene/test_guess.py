@@ -65,7 +65,7 @@ def measured(model, drives, streams, kept):
 
 
 def init(model, *words):
-    status = main(["scene", "init", model, "--recording", "press.mcap", "-o", "found.toml", *words])
+    status = main(["scene", "init", model, "press.mcap", "-o", "found.toml", *words])
     return Scene.load("found.toml") if status == 0 else status
 
 

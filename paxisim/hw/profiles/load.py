@@ -114,7 +114,7 @@ def shipped_entry(name: str) -> dict[str, Any]:
     data = _shipped()
     key = data["aliases"].get(name.lower(), name.lower())
     if key not in data["profiles"]:
-        raise UnknownNameError("profile", name, known_profiles())
+        raise UnknownNameError("profile", name, known_profiles(), "`paxisim sensors` lists them")
     own = data["profiles"][key]
     levels = (data["boards"][own["board"]], data["parts"][own["part"]], own)
     entry: dict[str, Any] = {"name": key}
