@@ -126,12 +126,12 @@ def _plainly(said: str) -> str:
     if found := re.match(r"Missing value for argument '(.*)'", said):
         return f"{found[1]} needs a value"
     if found := re.match(r"Missing from paxisim[\w ]*: (.*)", said):
-        missing = [part.strip().rstrip(".") for part in found[1].split("(required)") if part.strip()]
-        return "missing: " + ", ".join(
-            re.sub(r"^(--\S+ |-\w \S+, )?(\S+) (.*)$", r"\1\2 (\3)", part) for part in missing
-        )
+        parts = (part.strip().rstrip(".") for part in found[1].split("(required)") if part.strip())
+        return "missing: " + ", ".join(re.sub(r"^(--\S+ )?(\S+) (.*)$", r"\1\2 (\3)", part) for part in parts)
     if found := re.match(r"Unrecognized options: (.*)", said):
         return f"unknown option {found[1]}"
+    if found := re.match(r"Perhaps you meant: (\S+)", said):
+        return f"did you mean {found[1]}?"
     return said.removesuffix(".")
 
 

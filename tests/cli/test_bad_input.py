@@ -42,7 +42,7 @@ BAD = {
         ("record --profile a --seconds x", "--seconds must be a number, got 'x'"),
         ("demo --seed x", "--seed must be a whole number, got 'x'; see paxisim demo --help$"),
         ("demo --seed", "--seed needs a value; see"),
-        ("demo --sede 3", "unknown option --sede, 3; see"),
+        ("demo --sede 3", "unknown option --sede, 3; did you mean --seed.; see paxisim demo --help$"),
         ("replay a.mcap", r"missing: --scene PATH \(Scene file, .toml\); see paxisim replay --help$"),
         ("emulate --profile nope", "unknown profile 'nope'; known: .* and .* more; `paxisim sensors` lists them$"),
         ("view gripper.xml", "no pads|no display|window"),
