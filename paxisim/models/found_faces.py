@@ -86,9 +86,9 @@ def describe(hand: Hand, found: list[PadFace], faces: list[FoundFace]) -> list[s
     for a, start, end, spreads in zip(
         hand.drive.actuators, closing.open_ctrl, closing.close_ctrl, closing.spreads, strict=True
     ):
-        why = "only spreads fingers" if spreads else "neither opens nor closes"
+        why = "only spreads fingers" if spreads else "does not move the fingers together"
         name = links.model.actuator(int(a)).name or f"actuator {a}"
-        held = f"held at {start:.4g}, {why}"
+        held = f"held still at {start:.4g}: {why}"
         lines.append(f"  {name}: {held if start == end else f'from {start:.4g} to {end:.4g}'}")
     by_link = {pad.link: pad.face.center for pad in found}
     for p in hand.pairs:
@@ -122,9 +122,7 @@ def _notes(links: Links, pad: PadFace, found: FoundFace) -> list[str]:
     local = (surface.triangles.reshape(-1, 3)[mine] - face.center) @ face.frame
     beyond = float(np.max(np.abs(local[:, :2]) - np.array([face.size[1], face.size[0]]) / 2))
     if beyond > 2e-3:
-        notes.append(
-            f"the geoms switched off reach {beyond * 1e3:.0f} mm beyond the face: the finger has no contact there"
-        )
+        notes.append(f"{beyond * 1e3:.0f} mm of this fingertip beyond the pad no longer collides")
     return notes
 
 

@@ -111,7 +111,7 @@ def test_find_mounts_finds_the_known_ones(name):
         assert angle < np.radians(10)
         assert set(mount.replaces) == set(other.replaces)
     if name == "robotiq_s":
-        assert "finger_scissor: held at 0, only spreads fingers" in found.report
+        assert "finger_scissor: held still at 0: only spreads fingers" in found.report
 
 
 @pytest.mark.robosuite
