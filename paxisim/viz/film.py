@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,13 @@ from paxisim.files import whole_file
 from paxisim.recording import Recording
 from paxisim.scene.replay import Replay, SimulatedEpisode
 
+if TYPE_CHECKING:
+    from paxisim.viz.film_frame import FilmFrame
+
 SUFFIXES = (".mp4", ".gif", ".webp")
 """Formats of films."""
+PICTURE = ".png"
+"""Format of a single frame of a recording's film, `picture_recording`."""
 LONGEST = 60.0
 """Longest film (s); a longer recording is filmed from its beginning."""
 RATE = 25
@@ -71,16 +76,9 @@ def film_recording(
         UnsupportedError: MuJoCo cannot render the scene here.
     """
     check_film(path)
-    if recording.unit != "N" and recording.measured is not None and recording.simulated is not None:
-        raise InvalidValueError(
-            f"measured is in {recording.unit} and simulated in N, so one scale cannot show both: convert the recording "
-            "with paxisim calibrate"
-        )
-    from paxisim.viz.film_frame import FilmFrame
-
     samples = _samples(recording)
     shaded = _left_out(recording) if doubtful is None else doubtful
-    frame = FilmFrame(recording, _clock(recording), shaded, scene is not None)
+    frame = _frame(recording, shaded, scene is not None)
     opened = None if scene is None else scene(frame.vmax)
 
     def pictures() -> Iterator[NDArray[np.uint8]]:
@@ -96,6 +94,44 @@ def film_recording(
         if opened is not None:
             opened.close()
     return len(samples) / RATE
+
+
+def picture_recording(path: Path, recording: Recording) -> float:
+    """Write the frame of a recording's film at which the total normal force is largest, as PNG.
+
+    Args:
+        path: Output file.
+        recording: The recording, with one stream or both.
+
+    Returns:
+        The time of the frame (s).
+
+    Raises:
+        InvalidValueError: The streams are in different units, or the path cannot be written.
+        MissingExtraError: matplotlib or pillow is not installed.
+    """
+    check_film(path.with_suffix(".gif"))
+    from PIL import Image
+
+    frame = _frame(recording, _left_out(recording), False)
+    force = recording.measured if recording.measured is not None else recording.simulated
+    assert force is not None
+    sample = int(np.nan_to_num(force[:, :, 2].sum(axis=(1, 2, 3)), nan=-np.inf).argmax())
+    with whole_file(path) as temporary:
+        Image.fromarray(frame.picture(sample, None)).save(temporary, "PNG")
+    return float(recording.time[sample])
+
+
+def _frame(recording: Recording, shaded: NDArray[np.bool_], has_scene: bool) -> FilmFrame:
+    """Return the frame in which the samples of a recording are drawn."""
+    if recording.unit != "N" and recording.measured is not None and recording.simulated is not None:
+        raise InvalidValueError(
+            f"measured is in {recording.unit} and simulated in N, so one scale cannot show both: convert the recording "
+            "with paxisim calibrate"
+        )
+    from paxisim.viz.film_frame import FilmFrame
+
+    return FilmFrame(recording, _clock(recording), shaded, has_scene)
 
 
 def film_replay(

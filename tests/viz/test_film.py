@@ -77,6 +77,20 @@ def test_a_recording_is_filmed_in_real_time(grasp, capsys, suffix):
     assert [path.name for path in Path().iterdir()] == [f"film.{suffix}"]
 
 
+def test_a_picture_shows_the_strongest_moment(grasp, capsys):
+    assert main(["plot", str(grasp / "peg.mcap"), "-o", "all.png"]) == 0
+    one = Recording.load(grasp / "peg.mcap")
+    strongest = one.time[one.measured[:, :, 2].sum(axis=(1, 2, 3)).argmax()]
+    assert f"all.png: the sample at {strongest:.2f} s, " in capsys.readouterr().out
+    assert main(["plot", str(grasp / "peg.mcap"), "-o", "one.png", "--pads", one.pads[0]]) == 0
+    pictures = [np.asarray(Image.open(name).convert("RGB")).astype(int) for name in ("all.png", "one.png")]
+    assert all(picture.shape == (HEIGHT, WIDTH, 3) for picture in pictures)
+    assert red(pictures[0][(None, *PADS)])[0] > 1000
+    assert not np.array_equal(*pictures), "one pad is larger"
+    assert main(["plot", str(grasp / "peg.mcap"), "-o", "none.png", "--pads", "middle"]) == 2
+    assert "unknown pad 'middle'" in capsys.readouterr().err
+
+
 def test_a_film_in_mp4(grasp):
     av = pytest.importorskip("av")
     assert main(["plot", str(grasp / "peg.mcap"), "-o", "film.mp4"]) == 0
