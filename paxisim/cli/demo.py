@@ -9,6 +9,8 @@ import tyro
 
 from paxisim.cli.output import check_output, png, write_output
 
+PUSH = (1.0, 0.5, 0.0)
+"""Force (N) on the lower end of the peg, along the closing direction (x) and across it."""
 PEG = """
 <mujoco>
   <option timestep="0.002" cone="elliptic" impratio="10"/>
@@ -33,8 +35,9 @@ def demo(
 ) -> None:
     """Squeeze a peg between two pads, compare the tensor with the known load, and draw it.
 
-    A two-finger gripper holds a peg of 60 g. Each finger has a pad of the paper's sensor, pooled to 6x5 taxels, with a
-    random bump. At rest, each pad must read the squeeze force, and both pads together the weight of the peg.
+    A two-finger gripper holds a peg of 60 g whose lower end is pushed aside, as by the rim of a hole. Each finger has a
+    pad of the paper's sensor, pooled to 6x5 taxels, on a layer of soft silicone with a random bump. At rest, the pads
+    must read the squeeze force, and together the push and the weight of the peg.
 
     For example:
 
@@ -68,7 +71,8 @@ def demo(
         for body, tip in inwards.items()
     ]
     gripper = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
-    tactile = paxisim.attach(gripper, layout, mounts)
+    silicone = paxisim.Gel.of(paxisim.Layer(modulus=0.2e6), layout, "taxel")
+    tactile = paxisim.attach(gripper, paxisim.Pad(layout, gel=silicone), mounts)
     scene = mujoco.MjSpec.from_string(PEG)
     scene.attach(tactile.spec, site=scene.site("hand"), prefix="gripper/")
     model = scene.compile()
@@ -84,15 +88,20 @@ def demo(
     weight = float(model.body_mass[peg] * -model.opt.gravity[2])
     data.xfrc_applied[peg, 2] = weight  # carry the peg until the fingers hold it
     mujoco.mj_step(model, data, 500)
-    data.xfrc_applied[peg, 2] = 0
+    end = np.array([0, 0, -model.geom("peg").size[2]])
+    data.xfrc_applied[peg] = [*PUSH, *np.cross(end, PUSH)]
     mujoco.mj_step(model, data, 1000)
     force_tensor = readout.read(data)
 
     print(f"two pads of {layout.rows}x{layout.cols} taxels squeeze a peg; MuJoCo {mujoco.__version__}, seed {seed}\n")
     print(f"{'':36}{'known':>9}{'tensor':>9}{'error':>9}")
     total = force_tensor.sum(axis=(-2, -1))
-    rows = [(f"squeeze, {mount.name} pad (sum of z)", squeeze, total[i, 2]) for i, mount in enumerate(tactile.mounts)]
-    rows.append(("weight, both pads (sum of y)", weight, total[:, 1].sum()))
+    along_x, along_y, up = np.einsum("pij,pj->i", data.xmat[pads.bodies].reshape(-1, 3, 3), total)
+    rows = [
+        ("squeeze, mean of both pads (z)", squeeze, total[:, 2].mean()),
+        ("push on the lower end, both pads", np.hypot(*PUSH[:2]), np.hypot(along_x, along_y)),
+        ("weight of the peg, both pads", weight, -up),
+    ]
     for what, known, measured in rows:
         print(f"{what:34}{known:7.3f} N{measured:7.3f} N{abs(measured / known - 1):8.2%}")
     lit = int((force_tensor[:, 2] > 0.02).sum())
