@@ -111,7 +111,9 @@ def test_every_page_has_sound_pictures_and_loads_nothing(pages):
         check_pictures(pictures_of(page))
         bare = re.sub(r'src="data:[^"]*"', "", page)
         assert not re.search(r"https?:|//[a-z]+\.|<script|@import|url\(", bare), name
-        assert re.findall(r'href="([^"]*)"', bare) == ["data:,"], name
+        icon, *links = re.findall(r'href="([^"]*)"', bare)
+        assert icon == "data:,", name
+        assert all(f'id="{link.removeprefix("#")}"' in bare for link in links), "links stay on the page"
 
 
 def test_an_outsider_says_what_is_left_and_a_null_that_they_agree(found, pages):
