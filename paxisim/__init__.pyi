@@ -14,6 +14,8 @@ from .calibrate.calibration import calibrate_sensor as calibrate_sensor
 from .calibrate.fit import calibrate_readout as calibrate_readout
 from .calibrate.fit_background import fit_background as fit_background
 from .calibrate.linear import LinearCalibration as LinearCalibration
+from .cards.card import Card as Card
+from .cards.score import Score as Score
 from .cluster import RayCluster as RayCluster
 from .errors import DeviceError as DeviceError
 from .errors import DeviceTimeoutError as DeviceTimeoutError

@@ -10,11 +10,11 @@ import pytest
 import paxisim
 
 PUBLIC = """
-    Agreement Background BackgroundRangeWarning Calibration Chain ComposedScene DeviceError DeviceTimeoutError
+    Agreement Background BackgroundRangeWarning Calibration Card Chain ComposedScene DeviceError DeviceTimeoutError
     Drive Emulator Faults FittedObject FoundMounts Frame GCS GaussianBump Gel GelMemory Grip History
     InvalidValueError Layer LinearCalibration MagneticPad MagneticSensor MagneticSkin MissingExtraError Mount
     ObjectStart OutputExistsError Pad PadParameters Pads PaxisimError PortAccessError PortNotFoundError Presses
-    Profile Protocol ProtocolError RayCluster Recording Scene SceneDraw SceneParameter SceneRanges SceneVariation
+    Profile Protocol ProtocolError RayCluster Recording Score Scene SceneDraw SceneParameter SceneRanges SceneVariation
     Sensor SensorModule SensorQuality SkinDesign Slot SqueezeResult TactileGripper TactileReadout TactileSensor
     TaxelLayout TouchGridReadout UnknownNameError UnsupportedError UnverifiedProfileWarning __version__
     align_clocks attach augment calibrate_readout calibrate_sensor compare_streams compose_scene conform diagnose

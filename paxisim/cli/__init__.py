@@ -16,6 +16,7 @@ import tyro
 from paxisim._version import __version__
 from paxisim.cli.attach import attach
 from paxisim.cli.calibrate import calibrate
+from paxisim.cli.card import card, judge
 from paxisim.cli.convert import convert
 from paxisim.cli.demo import demo
 from paxisim.cli.device import device_check, device_profiles, device_quality
@@ -54,6 +55,8 @@ VERBS = {
     "protocol": protocol,
     "replay": replay,
     "diagnose": diagnose,
+    "card": card,
+    "judge": judge,
 }
 # verbs that are followed by another
 GROUPS = {
@@ -72,7 +75,7 @@ SECTIONS = {
     "Pads in MuJoCo": ("pad", "attach", "view"),
     "A real sensor": ("device", "record", "live", "emulate", "calibrate"),
     "Recordings": ("info", "convert", "plot"),
-    "From a recording to a better simulation": ("protocol", "scene", "replay", "diagnose"),
+    "From a recording to a better simulation": ("protocol", "scene", "replay", "diagnose", "card", "judge"),
 }
 
 

@@ -12,6 +12,7 @@ from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.vocabulary import known_causes
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans
+from paxisim.logs.through import read_through
 from paxisim.recording import Recording
 
 MEMBER = "known_sensor"
@@ -68,20 +69,8 @@ class KnownSensor:
             InvalidValueError: The sensor has other pads or taxels.
             MissingCovariateError: The recording lacks a covariate that the sensor needs.
         """
-        out = np.full(force.shape, np.nan, dtype=np.float32)
-        finite = np.isfinite(force).all(axis=(1, 2, 3, 4))
-        for span in episode_spans(recording.episode):
-            own = np.arange(span.start, span.stop)[finite[span]]
-            if len(own):
-                covariates = {name: values[own] for name, values in recording.covariates.items()}
-                read = np.asarray(self.chain.run(force[own], recording.time[own], covariates))
-                if read.shape != force[own].shape:
-                    raise InvalidValueError(
-                        f"the given sensor reads {read.shape[1:]} of frames {force.shape[1:]}: expected one sensor of "
-                        "this recording's pads, not a batch of sensors"
-                    )
-                out[own] = read
-        return out
+        spans = episode_spans(recording.episode)
+        return read_through(self.chain, force, recording.time, recording.covariates, spans)
 
     def before(self, model: Chain) -> Chain:
         """Return the whole model of the sensor: the known part, then what a diagnosis found beside it."""

@@ -350,7 +350,7 @@ class Result(Document):
             "verdict": self.verdict,
             **finite({name: getattr(self, name) for name in _PARTS}),
             "model": self.model.to_document(),
-            "intervals": _as_lists(self.intervals),
+            "intervals": intervals_as_lists(self.intervals),
         }
 
     @classmethod
@@ -361,19 +361,21 @@ class Result(Document):
         return cls(
             verdict=entries["verdict"],
             model=Chain.from_document(entries["model"]),
-            intervals=_as_arrays(entries["intervals"]),
+            intervals=intervals_as_arrays(entries["intervals"]),
             **{name: built(kind, entries[name]) for name, kind in _PARTS.items() if name != "known" or name in entries},
         )
 
 
-def _as_lists(intervals: Mapping[str, Any]) -> Any:
+def intervals_as_lists(intervals: Mapping[str, Any]) -> Any:
+    """Return intervals of parameters, by member and parameter, as JSON has them."""
     if isinstance(intervals, Mapping):
-        return {name: _as_lists(item) for name, item in intervals.items()}
+        return {name: intervals_as_lists(item) for name, item in intervals.items()}
     return [np.asarray(bound).tolist() for bound in intervals]
 
 
-def _as_arrays(document: Any) -> Any:
+def intervals_as_arrays(document: Any) -> Any:
+    """Return the intervals that `intervals_as_lists` wrote."""
     if isinstance(document, Mapping):
-        return {name: _as_arrays(item) for name, item in document.items()}
+        return {name: intervals_as_arrays(item) for name, item in document.items()}
     low, high = document
     return np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.kinds import Cause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.known import MEMBER
 from paxisim.diagnose.report.style import AXES
 from paxisim.diagnose.result import FoundCause, Streams
+from paxisim.logs.through import read_through
 
 Series = NDArray[np.float64]
 Channel = tuple[int, ...]  # pad, axis, row, column
@@ -123,21 +123,8 @@ def run(chain: Chain, streams: Streams, simulated: NDArray[np.float32] | None = 
 
     The state is reset at the start of each episode, except for drift and failures, which continue across episodes.
     """
-    parts = []
     simulated = streams.simulated if simulated is None else simulated
-    for span in streams.episodes:
-        elapsed = float(streams.time[span.start] - streams.time[0])
-        own = Chain([_continued(member, elapsed) for member in chain], chain.names)
-        covariates = {name: values[span] for name, values in streams.covariates.items()}
-        parts.append(np.asarray(own.run(simulated[span], streams.time[span], covariates), dtype=np.float32))
-    return np.concatenate(parts)
-
-
-def _continued(member: Transform, elapsed: float) -> Transform:
-    """Return a member advanced by `elapsed` seconds."""
-    if isinstance(member, Chain):
-        return Chain([_continued(m, elapsed) for m in member], member.names)
-    return member.later(elapsed) if isinstance(member, Clocked) else member
+    return read_through(chain, simulated, streams.time, streams.covariates, streams.episodes)
 
 
 def _lacking(chain: Chain, name: str) -> Chain:

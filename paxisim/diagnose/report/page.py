@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from html import escape
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,17 +57,33 @@ def page(diagnosis: Result) -> str:
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
     """
+    return rendered("page.html.j2", lambda: _context(diagnosis), "the report of a diagnosis")
+
+
+def rendered(template: str, context: Callable[[], dict[str, Any]], purpose: str) -> str:
+    """Render a template of this folder.
+
+    Args:
+        template: File name of the template.
+        context: Function that returns its variables, called once the packages are known to be installed.
+        purpose: What is rendered, for the error.
+
+    Raises:
+        MissingExtraError: matplotlib or jinja2 is not installed.
+    """
     for module in ("matplotlib", "jinja2"):
         try:
             __import__(module)
         except ImportError as error:
-            raise MissingExtraError(module, "diagnose", "the report of a diagnosis") from error
-    from jinja2 import Environment, StrictUndefined
+            raise MissingExtraError(module, "diagnose", purpose) from error
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+    loader = FileSystemLoader(Path(__file__).parent)
+    environment = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined, loader=loader
+    )
     environment.filters |= {"percent": percent, "percentage": percentage}
-    template = files("paxisim.diagnose.report").joinpath("page.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(template).render(_context(diagnosis))
+    return environment.get_template(template).render(context())
 
 
 def head(diagnosis: Result) -> str:

@@ -1,0 +1,59 @@
+"""Through: what a sensor model reads of forces that were recorded in episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from paxisim.augment.chain import Chain
+from paxisim.augment.clocked import Clocked
+from paxisim.augment.transform import Transform
+from paxisim.errors import InvalidValueError
+
+
+def read_through(
+    sensor: Transform,
+    force: NDArray[np.floating],
+    time: NDArray[np.float64],
+    covariates: Mapping[str, NDArray[np.float64]],
+    spans: Sequence[slice],
+) -> NDArray[np.float32]:
+    """Return what a sensor reads of forces.
+
+    Each episode begins with the sensor at rest, but drift and failures, which follow the clock, continue.
+
+    Args:
+        sensor: Model of the sensor.
+        force: ``(T, pads, 3, rows, cols)`` N, NaN at unknown samples, which stay NaN.
+        time: ``(T,)`` seconds.
+        covariates: ``(T, ...)`` arrays by name.
+        spans: Samples of each episode.
+
+    Raises:
+        InvalidValueError: The sensor has other pads or taxels.
+        MissingCovariateError: A covariate that the sensor needs is missing.
+    """
+    out = np.full(force.shape, np.nan, dtype=np.float32)
+    finite = np.isfinite(force).all(axis=(1, 2, 3, 4))
+    for span in spans:
+        own = np.arange(span.start, span.stop)[finite[span]]
+        if not len(own):
+            continue
+        here = _later(sensor, float(time[span.start] - time[0]))
+        read = np.asarray(here.run(force[own], time[own], {name: values[own] for name, values in covariates.items()}))
+        if read.shape != force[own].shape:
+            raise InvalidValueError(
+                f"the given sensor reads {read.shape[1:]} of frames {force.shape[1:]}: expected one sensor of this "
+                "recording's pads, not a batch of sensors"
+            )
+        out[own] = read
+    return out
+
+
+def _later(member: Transform, elapsed: float) -> Transform:
+    """Return a transform advanced by `elapsed` seconds."""
+    if isinstance(member, Chain):
+        return Chain([_later(own, elapsed) for own in member], member.names)
+    return member.later(elapsed) if isinstance(member, Clocked) else member
