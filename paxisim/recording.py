@@ -10,23 +10,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs.checks import check_fields
 from paxisim.logs.concatenate import concatenate
-from paxisim.logs.recording_arrays import (
-    CountsToForce,
-    Method,
-    RecordingArrays,
-    episode_spans,
-    episode_starts,
-    rate_of,
-    unit_of,
-)
+from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays, episode_starts, rate_of, unit_of
 from paxisim.logs.retime import at_rate, at_times_of
 from paxisim.logs.select import select, take
-from paxisim.logs.through import read_through
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -180,23 +170,6 @@ class Recording:
             InvalidValueError: The shape differs from that of `tensor`.
         """
         return replace(self, simulated=simulated, metadata={**self.metadata, **metadata})
-
-    def through(self, sensor: Transform) -> Recording:
-        """Return the recording with its simulated tensor as a model of the sensor reads it.
-
-        Each episode begins with the sensor at rest, but drift and failures, which follow the clock, continue.
-
-        Args:
-            sensor: Model of the sensor, such as ``paxisim.Chain.load("model.json")``.
-
-        Raises:
-            InvalidValueError: There is no simulated tensor, or the sensor has other pads or taxels.
-            MissingCovariateError: The recording lacks a covariate that the sensor needs.
-        """
-        if self.simulated is None:
-            raise InvalidValueError("the recording has no simulated tensor that a sensor could read: replay it first")
-        spans = episode_spans(self.episode)
-        return self.with_simulated(read_through(sensor, self.simulated, self.time, self.covariates, spans))
 
     def with_covariate(
         self,

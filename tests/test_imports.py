@@ -33,6 +33,7 @@ LEVELS = {
     2.2: "reference",
     2.5: "scene warp",
     3: "diagnose viz",
+    3.2: "cards",
     3.5: "protocols",
     4: "cli",
     5: "__main__",
@@ -42,6 +43,7 @@ ANYWHERE = {"errors", "_version"}
 
 # a class or function that calls, inside its methods, what is built on it: to load, save, run or report itself
 FACADES = {
+    "paxisim.cards.card": {"paxisim.cards.page"},
     "paxisim.scene.scene": {f"paxisim.scene.{name}" for name in ("changed", "replay", "rig", "toml")},
 }
 

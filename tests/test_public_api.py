@@ -30,6 +30,7 @@ AUGMENT = """
     Interference Latency LayoutFault LowPass StatefulTransform NoTactile Offset PadAxisGain Parameter Poisson
     Quantisation RandomWalk Ranges Rotation SampleAndHold Saturation Stiffening SwappedTaxels TaxelBinarization
     TaxelDirection TaxelGain TemperatureDrift TotalForce Transform WhiteNoise encoding parameter parameters
+    read_recording
 """
 DIAGNOSE = """
     BaselineCause Cause CausePart Derived DetectedCause Diagnosis FittedCause FittedParameter FoundCause FoundPart Free

@@ -13,6 +13,7 @@ import numpy as np
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.gcs import GCS, FittedGCS
+from paxisim.augment.read_recording import read_recording
 from paxisim.cards.score import Score, score
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.result import intervals_as_arrays, intervals_as_lists
@@ -156,7 +157,7 @@ class Card(Document):
             InvalidValueError: The recording lacks a stream, is not in newtons, or has other pads or taxels.
             MissingCovariateError: The recording lacks a covariate that the model needs.
         """
-        return score(recording, recording.through(self.model))
+        return score(recording, read_recording(self.model, recording))
 
     def save(self, folder: str | Path, recording: Recording | None = None) -> None:
         """Write ``card.json`` and ``index.html`` to a folder, which is created if needed.

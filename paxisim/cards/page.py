@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from paxisim.augment.read_recording import read_recording
 from paxisim.cards.card import Card
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.report.error import places, worst_episodes
@@ -40,7 +41,7 @@ def _context(card: Card, recording: Recording | None) -> dict[str, Any]:
 def _streams(card: Card, recording: Recording) -> Streams:
     """Return the streams of a recording with the readings of the model, where all are known."""
     card.judge(recording)  # raises for a recording that cannot be compared
-    read = recording.through(card.model)
+    read = read_recording(card.model, recording)
     assert recording.measured is not None
     assert recording.simulated is not None
     assert read.simulated is not None

@@ -52,7 +52,7 @@ def score(recording: Recording, modelled: Recording) -> Score:
 
     Args:
         recording: Recording with measured and simulated forces.
-        modelled: The same with the model's readings as the simulated tensor, from `Recording.through`.
+        modelled: The same with the model's readings as the simulated tensor, from `paxisim.augment.read_recording`.
 
     Raises:
         InvalidValueError: A stream is missing or not in newtons, or no sample has both.

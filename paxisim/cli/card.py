@@ -78,6 +78,7 @@ def judge(
         recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
     """
     from paxisim.augment.chain import Chain
+    from paxisim.augment.read_recording import read_recording
     from paxisim.cards.card import Card
     from paxisim.cards.score import score
     from paxisim.files import parse_file, parse_json
@@ -91,5 +92,5 @@ def judge(
     for number, path in enumerate(recordings):
         progress(f"reading {path}")
         recording = Recording.load(path)
-        found = score(recording, recording.through(model))
+        found = score(recording, read_recording(model, recording))
         print(f"{'' if number == 0 else chr(10)}{path}\n{found}")

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
+from paxisim.augment.read_recording import read_through
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.vocabulary import known_causes
 from paxisim.errors import InvalidValueError
 from paxisim.logs.recording_arrays import episode_spans
-from paxisim.logs.through import read_through
 from paxisim.recording import Recording
 
 MEMBER = "known_sensor"

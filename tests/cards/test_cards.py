@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import paxisim
-from paxisim.augment import AxisGain, Drift, Latency, Offset
+from paxisim.augment import AxisGain, Drift, Latency, Offset, read_recording
 from paxisim.cards.card import Source
 from paxisim.cli import main
 
@@ -66,7 +66,7 @@ def test_a_score_is_the_normalised_rmse_on_any_recording(folder, recording, caps
     model = paxisim.Chain.load(folder / "diagnosis" / "model.json")
     card = replace(paxisim.Card.of(paxisim.diagnose.Diagnosis.load(folder / "diagnosis"), "any"), notes=())
     score = card.judge(recording)
-    read = recording.through(model)
+    read = read_recording(model, recording)
     assert score.simulation == pytest.approx(rmse(recording.measured, recording.simulated))
     assert score.model == pytest.approx(rmse(recording.measured, read.simulated))
     assert score.model < 0.4 * score.simulation
@@ -88,14 +88,16 @@ def test_a_score_is_the_normalised_rmse_on_any_recording(folder, recording, caps
 
 def test_a_recording_through_a_sensor_begins_anew_in_each_episode_but_drifts_on(recording):
     episodes = replace(recording, episode=np.repeat([0, 1], [500, 700]))
-    assert np.array_equal(episodes.through(AxisGain((1, 1, 2))).simulated[:, :, 2], 2 * recording.simulated[:, :, 2])
-    late = episodes.through(Latency(0.1)).simulated
+    assert np.array_equal(
+        read_recording(AxisGain((1, 1, 2)), episodes).simulated[:, :, 2], 2 * recording.simulated[:, :, 2]
+    )
+    late = read_recording(Latency(0.1), episodes).simulated
     np.testing.assert_array_equal(late[500], recording.simulated[500], "an episode begins with what it has")
     drift = Drift(0.01 * np.ones((2, 3, 6, 5)), tau=1e9)
-    drifted = episodes.through(drift).simulated - recording.simulated
+    drifted = read_recording(drift, episodes).simulated - recording.simulated
     assert drifted[500:].min() >= drifted[:500].max() - 1e-6
     with pytest.raises(paxisim.InvalidValueError, match="no simulated tensor"):
-        replace(recording, simulated=None).through(Offset(np.zeros((2, 3, 6, 5))))
+        read_recording(Offset(np.zeros((2, 3, 6, 5))), replace(recording, simulated=None))
 
 
 def test_what_is_no_card(folder, recording, tmp_path, capsys):

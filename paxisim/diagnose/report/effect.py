@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
+from paxisim.augment.read_recording import read_through
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.kinds import Cause
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.known import MEMBER
 from paxisim.diagnose.report.style import AXES
 from paxisim.diagnose.result import FoundCause, Streams
-from paxisim.logs.through import read_through
 
 Series = NDArray[np.float64]
 Channel = tuple[int, ...]  # pad, axis, row, column

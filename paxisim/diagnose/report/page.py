@@ -65,7 +65,7 @@ def rendered(template: str, context: Callable[[], dict[str, Any]], purpose: str)
 
     Args:
         template: File name of the template.
-        context: Function that returns its variables, called once the packages are known to be installed.
+        context: Function that returns its variables; it needs the packages.
         purpose: What is rendered, for the error.
 
     Raises:
@@ -78,10 +78,8 @@ def rendered(template: str, context: Callable[[], dict[str, Any]], purpose: str)
             raise MissingExtraError(module, "diagnose", purpose) from error
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    loader = FileSystemLoader(Path(__file__).parent)
-    environment = Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined, loader=loader
-    )
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+    environment.loader = FileSystemLoader(Path(__file__).parent)
     environment.filters |= {"percent": percent, "percentage": percentage}
     return environment.get_template(template).render(context())
 

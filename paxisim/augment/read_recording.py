@@ -1,4 +1,4 @@
-"""Through: what a sensor model reads of forces that were recorded in episodes."""
+"""read_recording: what a sensor model reads of a recording's simulated forces."""
 
 from __future__ import annotations
 
@@ -11,6 +11,29 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError
+from paxisim.logs.recording_arrays import episode_spans
+from paxisim.recording import Recording
+
+
+def read_recording(sensor: Transform, recording: Recording) -> Recording:
+    """Return a recording with its simulated tensor as a model of the sensor reads it.
+
+    Each episode begins with the sensor at rest, but drift and failures, which follow the clock, continue. Unknown
+    samples (NaN) stay unknown.
+
+    Args:
+        sensor: Model of the sensor, such as ``paxisim.Chain.load("model.json")``.
+        recording: The recording.
+
+    Raises:
+        InvalidValueError: There is no simulated tensor, or the sensor has other pads or taxels.
+        MissingCovariateError: The recording lacks a covariate that the sensor needs.
+    """
+    if recording.simulated is None:
+        raise InvalidValueError("the recording has no simulated tensor that a sensor could read: replay it first")
+    spans = episode_spans(recording.episode)
+    read = read_through(sensor, recording.simulated, recording.time, recording.covariates, spans)
+    return recording.with_simulated(read)
 
 
 def read_through(
