@@ -95,6 +95,14 @@ def test_commands_files_and_links_of_the_pages_exist():
         assert [name for name in named if not (ROOT / name).exists()] == [], page
 
 
+def test_the_navigation_has_every_page_and_the_pictures_exist():
+    listed = re.findall(r"(?:- |: )([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md"))
+    for page in TEXTS:
+        pictures = re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+        assert [name for name in pictures if not (page.parent / name).is_file()] == [], page
+
+
 def test_the_page_of_examples_shows_those_there_are():
     text = (DOCS / "examples.md").read_text(encoding="utf-8")
     shown = re.findall(r'^--8<-- "examples/(\w+\.py)"$', text, re.MULTILINE)
