@@ -31,7 +31,7 @@ RUN = {
     "concepts/gel.md": (),
     "concepts/chains.md": (),
     "guides/gripper.md": ("matplotlib",),
-    "guides/randomisation.md": ("gymnasium",),
+    "guides/randomisation.md": ("gymnasium", "torch"),
     "guides/gpu.md": ("torch",),
     "guides/warp.md": ("mujoco_warp", "torch"),
     "guides/diagnose.md": ("sklearn", "jinja2"),
