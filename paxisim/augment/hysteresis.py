@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from paxisim.augment.modes import check_modes, each_mode, over_modes
 from paxisim.augment.parameter_spec import Parameter, check, is_torch, namespace, parameter
 from paxisim.augment.transform import Covariates, State, StatefulTransform
+
+SMALL = 250  # numbers in a frame below which the call overhead of each frame exceeds the arithmetic
 
 NAMES = ("weight", "radius", "growth")
 
@@ -93,6 +96,11 @@ class Hysteresis(StatefulTransform):
             return y
         weight, radius, growth = np.array(plays, dtype=x.dtype).T
         grows, sizes = growth.any(), np.abs(x).reshape(len(x), -1)
+        if x[:1].size <= SMALL:
+            flat, lag = y.reshape(sizes.shape), x.reshape(sizes.shape)
+            for w, r, g in zip(weight, radius, growth, strict=True):
+                flat += (w + g * sizes) * (_play_in_stretches(lag, r) - lag)
+            return y
         radius = radius.reshape(-1, *[1] * (x.ndim - 1))
         play, bound = np.zeros((2, len(plays), *x.shape[1:]), dtype=x.dtype)
         lags = bound.reshape(len(plays), -1)
@@ -112,3 +120,25 @@ class Hysteresis(StatefulTransform):
         xp = namespace(frame)
         radius = self.broadcast_parameter("radius", frame)
         return xp.maximum(frame - radius, xp.minimum(frame + radius, play))
+
+
+def _play_in_stretches(x: NDArray[np.floating], radius: np.floating) -> NDArray[np.floating]:
+    """Return the positions ``(time, values)`` of a play that starts at 0.
+
+    One frame moves any play into the range of `radius` around the force, and several frames in a row move it into some
+    range too. These ranges are found for all stretches in parallel; then the play is followed through the stretches.
+    For small frames, the call overhead of every frame would otherwise exceed the arithmetic.
+    """
+    length = math.isqrt(len(x))
+    count = -(-len(x) // length)
+    held = np.concatenate([x, np.repeat(x[-1:], count * length - len(x), axis=0)]).reshape(count, length, -1)
+    least, most = held - radius, held + radius
+    for frame in range(1, length):
+        here = least[:, frame].copy(), most[:, frame].copy()
+        for bound in (least, most):
+            np.clip(bound[:, frame - 1], *here, out=bound[:, frame])
+    at = np.zeros_like(x[0])
+    for stretch in range(count):
+        np.clip(at, least[stretch], most[stretch], out=held[stretch])
+        at = held[stretch, -1]
+    return held.reshape(count * length, -1)[: len(x)]

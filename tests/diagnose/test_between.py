@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from paxisim import augment
+from paxisim.diagnose.data.noise import Noise
 from paxisim.diagnose.data.pieces import FINE_STEP, curve_through
 from paxisim.diagnose.data.problem import Problem
 
@@ -53,7 +54,7 @@ def test_a_fast_motion_meets_short_delays_and_filters_as_it_did_in_truth(transfo
 
     x = swing(time)
     alive = np.ones((1, 3, 1, 1), dtype=bool)
-    problem = Problem(x, x, time, {}, (slice(0, 200),), np.full_like(x, 0.01), 1.0, alive, 0.0, 0.01)
+    problem = Problem(x, x, time, {}, (slice(0, 200),), Noise(np.full_like(x, 0.01), 0.0, 0.01), alive, 1.0)
     expected = gain * swing(time - lag)
     settled = slice(20, -5)
     assert np.abs(problem.run(transform, x) - expected)[settled].max() < 0.015

@@ -62,6 +62,22 @@ def test_episodes_that_are_sampled_alike_run_as_each_would_alone():
     np.testing.assert_allclose(shifted.run(chain, shifted.simulated), np.concatenate(alone), atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("pause", "released", "remembered"), [(5.0, True, True), (40.0, True, False), (5.0, False, False)]
+)
+def test_a_press_is_remembered_over_a_short_pause_at_rest(pause, released, remembered):
+    made = problem()
+    time = made.time - (made.time // 50) * (50 - 0.6 - pause)
+    force = made.simulated if released else made.simulated + 0.1
+    made = replace(made, time=time, simulated=force)
+    creep = augment.Creep((0.4,), (6.0,))
+    through = creep.run(force, time)
+    alone = np.concatenate([creep.run(force[span], time[span]) for span in made.episodes])
+    assert np.abs(through - alone).max() > 1e-6
+    np.testing.assert_allclose(made.run(creep, force), through if remembered else alone, atol=1e-9)
+    assert made.runs_on is remembered
+
+
 def test_a_long_recording_is_read_in_blocks_as_its_frames_are():
     long = problem(frames=8000, interval=0.005)
     for transform in (augment.DeadBand(width=(0.1, 0.2, 0.1), edge=0.3), augment.Crosstalk(strength=(0.05, 0.05, 0.1))):
