@@ -24,12 +24,13 @@ from paxisim.augment import AxisGain, Creep
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "simulated_arm.py"
 DIAGNOSED, SECONDS, RATE = 32, 46, 25
+LAYOUT = paxisim.load_profile("gen2-box-120").layout
 
 
 def paired(sensor: paxisim.Chain) -> paxisim.Recording:
     """Return the arm's sensor readings paired with the replay of its joints."""
     example = runpy.run_path(str(EXAMPLE))
-    arm = example["Arm"](sensor)
+    arm = example["Arm"](LAYOUT, sensor)
     time = np.arange(1, RATE * SECONDS + 1) / RATE
     forces, joints = [], []
     for now in time:
@@ -43,7 +44,7 @@ def paired(sensor: paxisim.Chain) -> paxisim.Recording:
         (0.1 * counts).astype(np.float32),
         covariates=dict(zip(example["JOINTS"], np.transpose(joints), strict=True)),
         episode=np.array([example["press_at"](now)[0] for now in time]),
-        layout=paxisim.load_profile(example["PROFILE"]).layout,
+        layout=LAYOUT,
     )
     drives = [paxisim.Drive(name, joint=name, unit="rad", resolution=example["ENCODER"]) for name in example["JOINTS"]]
     with tempfile.TemporaryDirectory() as folder:

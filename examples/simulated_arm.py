@@ -1,7 +1,8 @@
-"""A simulated arm in place of a real one: its pad is a sensor on a serial port, its joint angles arrive over UDP.
+"""A simulated arm in place of a real one: its pad is an emulated sensor, its joint angles arrive over UDP.
 
 A planar arm with three joints presses a pad onto a ball, drags it, and lifts it again, in real time. The forces on the
-pad go to a pseudo-terminal, in the protocol of a PX6AX board (profile gen2-box-120). The joint angles, in steps of an
+pad go to a pseudo-terminal, in the protocol of a PX6AX board (profile gen2-box-120), or to the port of another profile,
+such as XELA's server (--profile xela-uspa44-calibrated). The joint angles, in steps of an
 encoder, go to a UDP port as JSON, as a robot's own program would send them. Record both from another shell:
 
     python examples/simulated_arm.py --link my-arm --udp 5005
@@ -24,7 +25,6 @@ import tyro
 
 import paxisim
 
-PROFILE = "gen2-box-120"
 UPPER, LOWER = 0.3, 0.25  # m, lengths of the links
 ENCODER = 2 * np.pi / 2**16  # rad, step of the joint encoders
 RATE = 500.0  # Hz, of the physics and the sensor: faster than a board is read, so that no reading repeats
@@ -100,12 +100,11 @@ class Arm:
     """The arm in MuJoCo.
 
     Attributes:
-        force: Latest reading of the sensor (N), ``(1, 3, 12, 10)``.
+        force: Latest reading of the sensor (N), ``(1, 3, rows, cols)``.
     """
 
-    def __init__(self, sensor: paxisim.Chain) -> None:
+    def __init__(self, layout: paxisim.TaxelLayout, sensor: paxisim.Chain) -> None:
         """Compile the arm with its pad, whose forces `sensor` converts to readings, and move it to its start pose."""
-        layout = paxisim.load_profile(PROFILE).layout
         pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=MODULUS))
         tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
         self.spec = tactile.spec
@@ -135,25 +134,32 @@ class Arm:
 
 
 def main(
-    link: Path, udp: int, seconds: float = float("inf"), scene: Path | None = None, sensor: Path | None = None
+    udp: int,
+    link: Path | None = None,
+    profile: str = "gen2-box-120",
+    seconds: float = float("inf"),
+    scene: Path | None = None,
+    sensor: Path | None = None,
 ) -> None:
     """Run the arm in real time; the first line of output is the port of the sensor.
 
     Args:
-        link: Symbolic link to create to the port.
         udp: UDP port on 127.0.0.1 to which the joint angles are sent.
+        link: Symbolic link to create to the port, if it is a serial one.
+        profile: Profile of the sensor, one that reads newtons.
         seconds: Duration in seconds; default: until Ctrl-C.
         scene: Output file for the MJCF of the arm with its pad, for a replay.
         sensor: Saved chain from forces to readings, for example a gain and creep for a diagnosis to find.
             Default: the sensor reads the forces unchanged.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    arm = Arm(paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))
+    layout = paxisim.load_profile(profile).layout
+    arm = Arm(layout, paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))
     if scene is not None:
         scene.write_text(arm.spec.to_xml(), encoding="utf-8")
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-        paxisim.Emulator(PROFILE, lambda now: arm.force, link=link) as emulator,
+        paxisim.Emulator(profile, lambda now: arm.force, link=link) as emulator,
     ):
         print(emulator.port, flush=True)
         began = time.monotonic()

@@ -34,7 +34,7 @@ def test_it_runs_as_printed(tmp_path, monkeypatch):
             if kind == "python":
                 exec(compile(block, str(README), "exec"), scope)
                 continue
-            for line in block.splitlines():
+            for line in block.replace("\\\n", " ").splitlines():
                 program, *words = shlex.split(line.removesuffix("&"))
                 if program == ".":  # activates the environment
                     continue
