@@ -44,7 +44,9 @@ def test_the_data_of_the_page_are_up_to_date():
     for name, text in now["surfaces"].items():
         one, other = (mujoco.MjModel.from_xml_string(xml) for xml in (text, then["surfaces"][name]))
         for field in ("geom_size", "geom_pos", "geom_solref", "geom_solimp", "body_mass", "actuator_gainprm"):
-            np.testing.assert_allclose(getattr(one, field), getattr(other, field), rtol=1e-5, atol=1e-9, err_msg=f"{name} {field}")
+            np.testing.assert_allclose(
+                getattr(one, field), getattr(other, field), rtol=1e-5, atol=1e-9, err_msg=f"{name} {field}"
+            )
 
 
 @pytest.mark.skipif(find() is None, reason="no Chromium")
