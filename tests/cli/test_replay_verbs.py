@@ -160,7 +160,7 @@ def test_a_protocol_takes_no_streams(made, capsys):
 def test_the_page_s_lines_about_protocols_run():
     page = (ROOT / "docs" / "guides" / "replay.md").read_text(encoding="utf-8")
     section = page.split("## A motion to record")[1]
-    write, make, rehearse = section.split("```bash\n")[1].split("```")[0].splitlines()
+    write, make, rehearse = section.split("```bash\n")[1].split("```")[0].replace("\\\n", " ").splitlines()
     for line in (write, make):
         assert main(line.split()[1:]) == 0
     whole = paxisim.Protocol.load("press.json")

@@ -91,7 +91,7 @@ def run_check(monkeypatch, user, believed, output="mine.toml"):
     Path("believed.toml").write_text(profile_toml(believed), encoding="utf-8")
     monkeypatch.setattr("sys.stdin", user)
     with Emulator(user.true, user.feel) as emulator:
-        device_check(emulator.port, "believed.toml", Path(output), seconds=SECONDS)
+        device_check(emulator.port, "believed.toml", output=Path(output), seconds=SECONDS)
 
 
 HIGH_SPEED = two_pads("gen3-highspeed-mc-m2020")
@@ -185,7 +185,7 @@ def test_bad_arguments_are_refused_before_anything_is_opened():
         ("gen2-box-120", "new.toml", PaxisimError, "nowhere"),
     ):
         with pytest.raises(error, match=says):
-            device_check("nowhere", profile, Path(output))
+            device_check("nowhere", profile, output=Path(output))
     with pytest.raises(InvalidValueError, match="--seconds"):
         device_quality("nowhere", "gen2-box-120", seconds=0)
     assert Path("mine.toml").read_text() == "precious"
