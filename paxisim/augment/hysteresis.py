@@ -96,7 +96,7 @@ class Hysteresis(StatefulTransform):
             return y
         weight, radius, growth = np.array(plays, dtype=x.dtype).T
         grows, sizes = growth.any(), np.abs(x).reshape(len(x), -1)
-        if x[:1].size <= SMALL:
+        if 0 < x[:1].size <= SMALL:
             flat, lag = y.reshape(sizes.shape), x.reshape(sizes.shape)
             for w, r, g in zip(weight, radius, growth, strict=True):
                 flat += (w + g * sizes) * (_play_in_stretches(lag, r) - lag)
