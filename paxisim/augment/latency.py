@@ -147,7 +147,11 @@ class Latency(StatefulTransform):
         if np.ndim(self.delay) or np.ndim(self.jitter) or self.jitter:
             return None
         delay = float(self.delay)
-        if len(steps) > 1 and steps[1:].min() <= delay * 2 / (self.capacity - 2):
+        if delay == 0:
+            return x.copy()
+        if len(steps) > 1 and steps[1].min() == 0:
+            return None  # the first frame is held, not the last one of its time
+        if len(steps) > 2 and (steps[1:-1] + steps[2:]).min() <= delay * 2 / (self.capacity - 2):
             return None  # stepping would drop frames
         return _moved(x, np.cumsum(steps, axis=0), delay)
 

@@ -118,3 +118,17 @@ def test_a_device_at_the_rate_of_the_frames_delays_none(step):
         for i in range(2000):
             y, state = hold.step(x + i % 7, state, dt if i else 0.0)
             assert abs(y[0, 0, 0, 0] - i % 7) < 1e-2
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0031, 0.0117, 0.0233])
+def test_a_recording_with_equal_times_is_delayed_at_once_as_frame_by_frame(delay):
+    # a server delivers two frames at once, and the clock of a network is uneven
+    steps = np.tile([0.01, 0.02, 0.0, 0.011, 0.009], 40)
+    time, x = np.cumsum(steps), np.random.default_rng(3).normal(size=(200, *FRAME))
+    late = Latency(delay, capacity=40)
+    assert late.sweep(x, np.diff(time, prepend=time[0])) is not None
+    state, frames = late.initial_state(x[0]), []
+    for frame, dt in zip(x, [0.0, *np.diff(time)], strict=True):
+        read, state = late.step(frame, state, dt)
+        frames.append(read)
+    np.testing.assert_allclose(late.run(x, time), frames, atol=1e-9)
