@@ -108,7 +108,7 @@ class Problem:
     @cached_property
     def runs_on(self) -> bool:
         """Whether several episodes follow one another, so that a sensor remembers all earlier ones."""
-        return len(self.episodes) > 1 == len(in_one_piece(self.time, self.episodes, self.at_rest))
+        return len(self.episodes) > 1 == len(self._remembered)
 
     @cached_property
     def has_contact(self) -> bool:
@@ -217,14 +217,19 @@ class Problem:
         )
 
     @cached_property
+    def _remembered(self) -> tuple[slice, ...]:
+        """The episodes, merged where the sensor's memory persists from one to the next."""
+        return in_one_piece(self.time, self.episodes, self.at_rest)
+
+    @cached_property
     def _pieces(self) -> Pieces:
-        """Episodes side by side, merged where they follow without a break, because the sensor's memory persists."""
-        return Pieces(self.time, in_one_piece(self.time, self.episodes, self.at_rest))
+        """These spans, side by side."""
+        return Pieces(self.time, self._remembered)
 
     @cached_property
     def _finer_pieces(self) -> Pieces:
         """The same, interpolated between the frames."""
-        return Pieces(self.time, in_one_piece(self.time, self.episodes, self.at_rest), between=True)
+        return Pieces(self.time, self._remembered, between=True)
 
     def run(self, transform: Transform, x: FloatArray) -> FloatArray:
         """Run `transform` on the sequence `x`, restarting it at each episode that does not continue the previous one.
