@@ -18,7 +18,6 @@ from PIL import Image
 import paxisim
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "diagnose"))
 from browser import Browser, find
 from hidden.cases import make
 

@@ -3,17 +3,14 @@
 import html
 import json
 import runpy
-import sys
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from browser import Browser, find
 
 import paxisim
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "diagnose"))
-from browser import Browser, find
 
 FOLDER = Path(__file__).parents[2] / "docs" / "browser"
 MAKE = runpy.run_path(str(FOLDER / "make.py"))
