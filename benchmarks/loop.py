@@ -35,7 +35,7 @@ def paired(sensor: paxisim.Chain) -> paxisim.Recording:
     forces, joints = [], []
     for now in time:
         arm.run_until(now)
-        forces.append(arm.force)
+        forces.append(arm.reading)
         joints.append(list(arm.measured_joints().values()))
     counts = np.round(np.array(forces) / 0.1)
     counts[:, :, 2] = np.maximum(counts[:, :, 2], 0)

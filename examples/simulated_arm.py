@@ -2,8 +2,10 @@
 
 A planar arm with three joints presses a pad onto a ball, drags it, and lifts it again, in real time. The forces on the
 pad go to a pseudo-terminal, in the protocol of a PX6AX board (profile gen2-box-120), or to the port of another profile,
-such as XELA's server (--profile xela-uspa44-calibrated). The joint angles, in steps of an
-encoder, go to a UDP port as JSON, as a robot's own program would send them. Record both from another shell:
+such as XELA's server (--profile xela-uspa44-calibrated). A magnetic skin (--profile anyskin, reskin or eflesh) reports
+the field at its chips instead. The joint angles, in steps of an encoder, go to a UDP port as JSON, as a robot's own
+program would send them; with a magnetic skin, also the force on the hand (N, axes of the pad). Record both from another
+shell:
 
     python examples/simulated_arm.py --link my-arm --udp 5005
     paxisim record my-arm --profile gen2-box-120 --udp 5005 --seconds 10 -o press.mcap
@@ -33,8 +35,10 @@ MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel reads ten counts of 0.1
 MOVE, REST = 0.5, 1.0  # s, duration of each move down or up, and pause between two presses
 # m and s: depth and hold time of each press; short and long holds distinguish creep from a gain
 PRESSES = ((1.2e-3, 2.5), (0.6e-3, 0.2), (1.6e-3, 0.2), (0.9e-3, 4.0), (1.4e-3, 1.0))
+SKIN_DEPTH = 0.2  # of these depths, for a magnetic skin: its layer is thin
 ENDS = np.cumsum([2 * MOVE + hold + REST for _, hold in PRESSES])
 NOISE = 0.03  # N, standard deviation per taxel and reading
+LOAD_NOISE = 0.02  # N, of the force sensor in the wrist
 JOINTS = ("shoulder", "elbow", "wrist")
 
 # the top of the ball is at z = 0.03 m; the arm lies in the plane y = 0, and its hand points down
@@ -78,13 +82,18 @@ def press_at(seconds: float) -> tuple[int, float]:
     return int(turns) * len(PRESSES) + number, rest - (float(ENDS[number - 1]) if number else 0.0)
 
 
-def tip(seconds: float) -> tuple[float, float]:
-    """Return the target position of the hand, x and z (m): down, along the ball, and up again."""
+def tip(seconds: float, scale: float = 1.0) -> tuple[float, float]:
+    """Return the target position of the hand, x and z (m): down, along the ball, and up again.
+
+    Args:
+        seconds: Time since the start.
+        scale: Factor of the depths.
+    """
     number, into = press_at(seconds)
     depth, hold = PRESSES[number % len(PRESSES)]
     down = np.clip(min(into, 2 * MOVE + hold - into) / MOVE, 0, 1)
     along = np.clip((into - MOVE) / hold, 0, 1)
-    return 0.349 + 0.002 * along, 0.04 - (0.01 + depth) * np.sin(np.pi / 2 * down) ** 2
+    return 0.349 + 0.002 * along, 0.04 - (0.01 + scale * depth) * np.sin(np.pi / 2 * down) ** 2
 
 
 def joint_angles(x: float, z: float) -> np.ndarray:
@@ -100,33 +109,49 @@ class Arm:
     """The arm in MuJoCo.
 
     Attributes:
-        force: Latest reading of the sensor (N), ``(1, 3, rows, cols)``.
+        reading: Latest reading of the sensor, ``(1, 3, rows, cols)``: N, or uT of a magnetic skin.
+        load: ``(3,)`` latest force on the hand, in the pad's axes (N).
     """
 
-    def __init__(self, layout: paxisim.TaxelLayout, sensor: paxisim.Chain) -> None:
-        """Compile the arm with its pad, whose forces `sensor` converts to readings, and move it to its start pose."""
-        pad = paxisim.Pad(layout, gel=paxisim.Gel(modulus=MODULUS))
-        tactile = paxisim.attach(ARM, pad, [paxisim.Mount("hand", name="tip")])
+    def __init__(
+        self, layout: paxisim.TaxelLayout, sensor: paxisim.Chain, skin: paxisim.MagneticSkin | None = None
+    ) -> None:
+        """Compile the arm with its pad, and move it to its start pose.
+
+        Args:
+            layout: Taxels of the pad, or contact cells of the skin.
+            sensor: Chain that the contact forces pass on their way to the reading.
+            skin: Magnetic skin whose chips are read; None for a sensor of forces.
+        """
+        gel = (
+            paxisim.Gel(modulus=MODULUS) if skin is None else paxisim.Gel.of(skin.design.layer, layout, contact="flat")
+        )
+        tactile = paxisim.attach(ARM, paxisim.Pad(layout, gel=gel), [paxisim.Mount("hand", name="tip")])
         self.spec = tactile.spec
         self.model = tactile.compile()
         self._readout = paxisim.TactileReadout(self.model, tactile.bind(self.model))
         self.data = mujoco.MjData(self.model)
+        self._scale = 1.0 if skin is None else SKIN_DEPTH
         self.data.qpos[:] = self.data.ctrl[:] = joint_angles(*tip(0.0))
         mujoco.mj_forward(self.model, self.data)
-        felt = self._readout.read(self.data)
-        self._sensor, self._state = sensor, sensor.initial_state(felt)
-        self.force, self._state = sensor.step(felt, self._state, 0.0)
+        self._sensor, self._skin = sensor, skin
+        self._state = sensor.initial_state(self._readout.read(self.data))
         self._rng = np.random.default_rng(0)
+        self.run_until(0.0)
 
     def run_until(self, seconds: float) -> None:
-        """Simulate up to a time, and read the sensor once."""
+        """Simulate up to a time, and read the sensors once."""
         before = self.data.time
         while self.data.time < seconds:
-            self.data.ctrl[:] = joint_angles(*tip(self.data.time))
+            self.data.ctrl[:] = joint_angles(*tip(self.data.time, self._scale))
             mujoco.mj_step(self.model, self.data)
         felt = self._readout.read(self.data)
-        read, self._state = self._sensor.step(felt, self._state, self.data.time - before)
-        self.force = read + self._rng.normal(0.0, NOISE, read.shape)
+        force, self._state = self._sensor.step(felt, self._state, self.data.time - before)
+        self.load = felt.sum(axis=(0, 2, 3)) + self._rng.normal(0.0, LOAD_NOISE, 3)
+        if self._skin is None:
+            self.reading = force + self._rng.normal(0.0, NOISE, force.shape)
+        else:
+            self.reading = self._skin.measure(force, self._rng)
 
     def measured_joints(self) -> dict[str, float]:
         """Return the angle (rad) of each joint by name, in steps of its encoder."""
@@ -146,32 +171,38 @@ def main(
     Args:
         udp: UDP port on 127.0.0.1 to which the joint angles are sent.
         link: Symbolic link to create to the port, if it is a serial one.
-        profile: Profile of the sensor, one that reads newtons.
+        profile: Profile of the sensor: one that reads newtons, or a magnetic skin.
         seconds: Duration in seconds; default: until Ctrl-C.
         scene: Output file for the MJCF of the arm with its pad, for a replay.
         sensor: Saved chain from forces to readings, for example a gain and creep for a diagnosis to find.
             Default: the sensor reads the forces unchanged.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    layout = paxisim.load_profile(profile).layout
-    arm = Arm(layout, paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor))
+    board = paxisim.load_profile(profile)
+    skin = paxisim.MagneticSkin(profile) if board.family == "magnetometer-board" else None
+    chain = paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor)
+    arm = Arm(board.layout if skin is None else skin.design.cells, chain, skin)
+    # the exact field of a skin takes milliseconds, so it is computed once a message
+    rate, every = (RATE, EVERY) if skin is None else (RATE / EVERY, 1)
     if scene is not None:
         scene.write_text(arm.spec.to_xml(), encoding="utf-8")
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-        paxisim.Emulator(profile, lambda now: arm.force, link=link) as emulator,
+        paxisim.Emulator(profile, lambda now: arm.reading, link=link) as emulator,
     ):
         print(emulator.port, flush=True)
         began = time.monotonic()
         for tick in range(sys.maxsize):
-            due = tick / RATE
+            due = tick / rate
             if due > seconds:
                 break
             time.sleep(max(0.0, began + due - time.monotonic()))
             arm.run_until(due)
-            if tick % EVERY == 0:
-                joints = {"time": time.time(), **arm.measured_joints()}
-                sender.sendto(json.dumps(joints).encode(), ("127.0.0.1", udp))
+            if tick % every == 0:
+                state = {"time": time.time(), **arm.measured_joints()}
+                if skin is not None:  # calibrating it takes the load
+                    state |= dict(zip(("Fx", "Fy", "Fz"), arm.load.tolist(), strict=True))
+                sender.sendto(json.dumps(state).encode(), ("127.0.0.1", udp))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from paxisim.augment.chain import Chain
 from paxisim.augment.clocked import Clocked
 from paxisim.augment.transform import Transform
 from paxisim.errors import InvalidValueError
+from paxisim.logs.memory import at_rest, in_one_piece, peak_of
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 
@@ -18,8 +19,7 @@ from paxisim.recording import Recording
 def read_recording(sensor: Transform, recording: Recording) -> Recording:
     """Return a recording with its simulated tensor as a model of the sensor reads it.
 
-    Each episode begins with the sensor at rest, but drift and failures, which follow the clock, continue. Unknown
-    samples (NaN) stay unknown.
+    The sensor remembers earlier episodes as in `read_through`. Unknown samples (NaN) stay unknown.
 
     Args:
         sensor: Model of the sensor, such as ``paxisim.Chain.load("model.json")``.
@@ -31,8 +31,8 @@ def read_recording(sensor: Transform, recording: Recording) -> Recording:
     """
     if recording.simulated is None:
         raise InvalidValueError("the recording has no simulated tensor that a sensor could read: replay it first")
-    spans = episode_spans(recording.episode)
-    read = read_through(sensor, recording.simulated, recording.time, recording.covariates, spans)
+    episodes = episode_spans(recording.episode)
+    read = read_through(sensor, recording.simulated, recording.time, recording.covariates, episodes)
     return recording.with_simulated(read)
 
 
@@ -41,18 +41,19 @@ def read_through(
     force: NDArray[np.floating],
     time: NDArray[np.float64],
     covariates: Mapping[str, NDArray[np.float64]],
-    spans: Sequence[slice],
+    episodes: Sequence[slice],
 ) -> NDArray[np.float32]:
     """Return what a sensor reads of forces.
 
-    Each episode begins with the sensor at rest, but drift and failures, which follow the clock, continue.
+    Memory continues from one episode to the next without a break, or over a short pause at rest. Otherwise the sensor
+    begins as if it had felt the episode's first frame for long. Drift and failures follow the clock.
 
     Args:
         sensor: Model of the sensor.
         force: ``(T, pads, 3, rows, cols)`` N, NaN at unknown samples, which stay NaN.
         time: ``(T,)`` seconds.
         covariates: ``(T, ...)`` arrays by name.
-        spans: Samples of each episode.
+        episodes: Samples of each episode.
 
     Raises:
         InvalidValueError: The sensor has other pads or taxels.
@@ -60,7 +61,10 @@ def read_through(
     """
     out = np.full(force.shape, np.nan, dtype=np.float32)
     finite = np.isfinite(force).all(axis=(1, 2, 3, 4))
-    for span in spans:
+    rest = np.zeros(len(force), dtype=bool)
+    if finite.any():
+        rest[finite] = at_rest(force[finite], peak_of(force[finite]))
+    for span in in_one_piece(time, episodes, rest):
         own = np.arange(span.start, span.stop)[finite[span]]
         if not len(own):
             continue

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
-from paxisim.diagnose.data.problem import peak_of
 from paxisim.diagnose.data.responses import in_si
 from paxisim.document import Document, built, finite
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.memory import peak_of
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.scene.parameters import SceneParameter
 from paxisim.scene.scene import Scene

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import paxisim
-from paxisim.augment import AxisGain, Drift, Latency, Offset, read_recording
+from paxisim.augment import AxisGain, Creep, Drift, Latency, Offset, read_recording
 from paxisim.cards.card import Source
 from paxisim.cli import main
 
@@ -86,13 +86,37 @@ def test_a_score_is_the_normalised_rmse_on_any_recording(folder, recording, caps
     assert f"{score.simulation:.1%}" in capsys.readouterr().out
 
 
-def test_a_recording_through_a_sensor_begins_anew_in_each_episode_but_drifts_on(recording):
-    episodes = replace(recording, episode=np.repeat([0, 1], [500, 700]))
+def test_a_recording_through_a_sensor_remembers_the_episode_before_unless_it_was_interrupted(recording):
+    pressed = 500 + int(np.argmax(np.abs(recording.simulated[500:]).sum(axis=(1, 2, 3, 4))))
+    episodes = replace(recording, episode=np.repeat([0, 1], [pressed, len(recording) - pressed]))
     assert np.array_equal(
         read_recording(AxisGain((1, 1, 2)), episodes).simulated[:, :, 2], 2 * recording.simulated[:, :, 2]
     )
-    late = read_recording(Latency(0.1), episodes).simulated
-    np.testing.assert_array_equal(late[500], recording.simulated[500], "an episode begins with what it has")
+    sensor = paxisim.Chain([Creep((0.3,), (1.0,)), Latency(0.1)])
+    whole, split = (read_recording(sensor, one).simulated for one in (recording, episodes))
+    np.testing.assert_array_equal(split, whole, "the episodes follow without a break")
+    # after a break under load nobody knows what the sensor felt, so it begins settled
+    broken = replace(episodes, time=recording.time + 2.0 * (np.arange(len(recording)) >= pressed))
+    anew = read_recording(sensor, broken).simulated
+    np.testing.assert_allclose(anew[:pressed], whole[:pressed], atol=1e-5)
+    np.testing.assert_allclose(anew[pressed], 1.3 * recording.simulated[pressed], rtol=1e-5)
+    assert np.abs(anew[pressed] - whole[pressed]).max() > 0.01
+    # a pause at rest is remembered if it is short
+    rest = 500 + int(np.flatnonzero(~recording.simulated[500:].any(axis=(1, 2, 3, 4)))[0]) + 1
+    pauses = [2.0, 30.0]
+    paused = [
+        read_recording(
+            paxisim.Chain([Creep((0.3,), (10.0,))]),
+            replace(
+                recording,
+                episode=np.repeat([0, 1], [rest, len(recording) - rest]),
+                time=recording.time + pause * (np.arange(len(recording)) >= rest),
+            ),
+        ).simulated[rest]
+        for pause in pauses
+    ]
+    assert np.abs(paused[0]).max() > 0.001
+    np.testing.assert_array_equal(paused[1], 0)
     drift = Drift(0.01 * np.ones((2, 3, 6, 5)), tau=1e9)
     drifted = read_recording(drift, episodes).simulated - recording.simulated
     assert drifted[500:].min() >= drifted[:500].max() - 1e-6

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from paxisim.diagnose.data.problem import PRESSED_SHARE, Problem
+from paxisim.diagnose.data.problem import Problem
 from paxisim.diagnose.rules import CHECKS
+from paxisim.logs.memory import PRESSED_SHARE
 
 
 def silent_channels(problem: Problem) -> NDArray[np.bool_]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from paxisim.diagnose.data.noise import FloatArray
-from paxisim.diagnose.data.pieces import in_one_piece
 from paxisim.diagnose.rules import STREAMS
+from paxisim.logs.memory import in_one_piece
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 

@@ -6,7 +6,6 @@ one pass over the longest piece processes all of them.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +20,6 @@ FloatArray = NDArray[np.float64]
 
 FINE_STEP = 0.01  # s between interpolated points
 MAX_GAP = 0.15  # s; longer gaps between frames are not interpolated
-MAX_PAUSE = 15.0  # s; longest pause at rest between two episodes over which the state of the sensor is followed
 _NODES = 4
 BLOCK_VALUES = 40_000  # values per block
 
@@ -99,26 +97,6 @@ def _longer(time: NDArray[np.float64], length: int) -> NDArray[np.float64]:
     """Times extended at the median interval, or at 1 s for a single time."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     return np.append(time, time[-1] + step * np.arange(1, length + 1 - len(time)))
-
-
-def in_one_piece(
-    time: NDArray[np.float64], episodes: Sequence[slice], rest: NDArray[np.bool_] | None = None
-) -> tuple[slice, ...]:
-    """The episodes, merged where they follow one another without a break.
-
-    Args:
-        time: ``(T,)`` seconds.
-        episodes: Samples of each episode.
-        rest: ``(T,)`` whether no taxel is pressed. If given, episodes are also merged over a short pause at rest: a
-            sensor remembers a press for longer.
-    """
-    breaks = np.diff(time, prepend=-np.inf)
-    usual = 1.5 * float(np.median(breaks[1:]))
-    follows = (breaks > 0) & (breaks <= usual)
-    if rest is not None:
-        follows |= (breaks > 0) & (breaks <= MAX_PAUSE) & rest & np.append(False, rest[:-1])
-    starts = [span.start for span in episodes if not follows[span.start]]
-    return tuple(slice(a, b) for a, b in itertools.pairwise([*starts, len(time)]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,10 @@ from hashlib import sha256
 
 import numpy as np
 
-from paxisim.diagnose.data.problem import FloatArray, peak_of
+from paxisim.diagnose.data.pieces import FloatArray
 from paxisim.diagnose.rules import STREAMS
 from paxisim.errors import InvalidValueError
+from paxisim.logs.memory import peak_of
 from paxisim.logs.recording_arrays import episode_spans, episode_starts
 from paxisim.logs.stopped import stopped_in_words
 from paxisim.presses import find_presses

@@ -16,19 +16,19 @@ from paxisim.diagnose.data.deviations import Deviations
 from paxisim.diagnose.data.directions import Directions, directions_of
 from paxisim.diagnose.data.noise import Noise, Tolerance
 from paxisim.diagnose.data.noise_floor import dither_of, noise_of, step_of, tolerated
-from paxisim.diagnose.data.pieces import FINE_STEP, FloatArray, Pieces, in_blocks, in_one_piece
+from paxisim.diagnose.data.pieces import FINE_STEP, FloatArray, Pieces, in_blocks
 from paxisim.diagnose.data.responses import Responses
 from paxisim.diagnose.data.sampling import Sampling
 from paxisim.diagnose.rules import NOISE
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.memory import at_rest, in_one_piece, peak_of
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.recording import Recording
 from paxisim.scene.encoder import EncoderError
 
 NOMINAL_PEAK = 1.0  # N, peak force assumed for a recording without contact
 MIN_PEAK_SHARE = 0.05  # lower bound on the peak force of an axis, relative to the overall peak
-PRESSED_SHARE = 0.01  # force above which a taxel is pressed, relative to the peak force
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,16 +274,6 @@ class Problem:
     @cached_property
     def _deviations(self) -> Deviations | None:
         return None if self.scene is None else Deviations.of(self.scene, self.weight, self.episodes)
-
-
-def at_rest(simulated: FloatArray, peak: float) -> NDArray[np.bool_]:
-    """``(T,)`` whether no taxel is pressed."""
-    return np.abs(simulated).max(axis=(1, 2, 3, 4)) < PRESSED_SHARE * max(peak, 1e-9)
-
-
-def peak_of(simulated: NDArray[np.floating]) -> float:
-    """Peak force (N) on the most loaded taxel, the 99.5 % quantile over time."""
-    return float(np.quantile(np.abs(simulated).max(axis=(1, 2, 3, 4)), 0.995))
 
 
 def _peaks_of(simulated: NDArray[np.floating], peak: float) -> FloatArray:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from paxisim.diagnose.causes.kinds import AXES, BaselineCause, FittedCause
 from paxisim.diagnose.data.directions import followed
-from paxisim.diagnose.data.problem import PRESSED_SHARE, FloatArray, Problem, showing
+from paxisim.diagnose.data.problem import FloatArray, Problem, showing
 from paxisim.diagnose.data.repeats import with_untold
 from paxisim.diagnose.explain.explanation import Explanation, Named, reading_without
 from paxisim.diagnose.explain.heldout import SquaredErrors, by_episode, gain_of, survives
 from paxisim.diagnose.explain.intervals import parameters_of
 from paxisim.diagnose.result import FoundCause, FoundPart, Interval, LeftOver, pad_in_words, percentage
 from paxisim.diagnose.search import rivals_in_place
+from paxisim.logs.memory import PRESSED_SHARE
 
 NEARLY_ALL = 0.9  # share of the sum of squares of an offset
 MAX_LISTED = 8  # channels listed

@@ -121,7 +121,7 @@ def effects(causes: tuple[FoundCause, ...], chain: Chain, streams: Streams) -> l
 def run(chain: Chain, streams: Streams, simulated: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
     """``(T, pads, 3, rows, cols)`` float32 N, output of the chain for the simulated stream, or for another one.
 
-    The state is reset at the start of each episode, except for drift and failures, which continue across episodes.
+    Memory continues over episodes as in the diagnosis.
     """
     simulated = streams.simulated if simulated is None else simulated
     return read_through(chain, simulated, streams.time, streams.covariates, streams.episodes)
