@@ -15,9 +15,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import paxisim
+from paxisim.viz.dark import light_and_dark, on_dark
 
 OUTPUT = Path(__file__).parent / "images" / "anyskin.png"
 SCALE = 25.0  # uT for an arrow of 1 mm
+LIGHT = ("Greys", 0.4, "tab:blue", "tab:red")  # colours of force, N of the last one, colours of chips and field
+DARK = ("Greys_r", 0.6, "#6cb0f5", "#ff7b6b")
 
 
 def press(row: int, col: int, shear: float = 0.0) -> np.ndarray:
@@ -37,22 +40,32 @@ def main() -> None:
         "2 N at the right": press(3, 6),
         "2 N, dragged by 1 N": press(3, 3, 0.5),
     }
+    fields = {name: skin.read(force)[:, 0] for name, force in contacts.items()}
+    for name, flux in fields.items():
+        print(f"{name}: x {flux[0].round(1)}, y {flux[1].round(1)}, z {flux[2].round(1)} uT")
+    for path in light_and_dark(OUTPUT):
+        draw(design, contacts, fields).savefig(path, dpi=110)
+
+
+def draw(design: paxisim.SkinDesign, contacts: dict[str, np.ndarray], fields: dict[str, np.ndarray]) -> Figure:
+    """Draw the contacts, and the field at the chips."""
+    greys, top, blue, red = DARK if on_dark() else LIGHT
     x, y = 1e3 * np.array(design.chips).T
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     for index, (ax, (name, force)) in enumerate(zip(figure.subplots(1, 3), contacts.items(), strict=True)):
-        flux = skin.read(force)[:, 0]
-        print(f"{name}: x {flux[0].round(1)}, y {flux[1].round(1)}, z {flux[2].round(1)} uT")
-        ax.imshow(force[2], extent=(-10, 10, 10, -10), cmap="Greys", vmin=0, vmax=0.4)
-        ax.scatter(x, y, s=140, marker="s", facecolor="none", edgecolor="tab:blue")
-        arrows = {"angles": "xy", "scale_units": "xy", "scale": SCALE, "color": "tab:red", "width": 0.012}
+        flux = fields[name]
+        touched = np.ma.masked_equal(force[2], 0)
+        ax.imshow(touched, extent=(-10, 10, 10, -10), cmap=greys, vmin=0, vmax=top)
+        ax.scatter(x, y, s=140, marker="s", facecolor="none", edgecolor=blue)
+        arrows = {"angles": "xy", "scale_units": "xy", "scale": SCALE, "color": red, "width": 0.012}
         ax.quiver(x, y, flux[0], flux[1], **arrows)
         for at, z in zip(zip(x, y, strict=True), flux[2], strict=True):
-            ax.annotate(f"{z:+.0f}", at, xytext=(0, -16), textcoords="offset points", ha="center", color="tab:blue")
+            ax.annotate(f"{z:+.0f}", at, xytext=(0, -16), textcoords="offset points", ha="center", color=blue)
         ax.set(title=name, xlabel="x (mm)", ylabel="y (mm)" if index == 0 else "", xlim=(-10, 10), ylim=(10, -10))
         if index == 0:
             ax.quiver(-9, 8.5, 2 * SCALE, 0, **arrows)
-            ax.text(-6.4, 8.5, f"{2 * SCALE:.0f} uT", va="center", color="tab:red")
-    figure.savefig(OUTPUT, dpi=110)
+            ax.text(-6.4, 8.5, f"{2 * SCALE:.0f} uT", va="center", color=red)
+    return figure
 
 
 if __name__ == "__main__":

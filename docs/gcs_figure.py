@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 import paxisim
 from paxisim.augment.gcs import GCS
 from paxisim.cli.demo import PEG
+from paxisim.viz.dark import light_and_dark
 from paxisim.viz.drawing import draw_pad
 
 SQUEEZE = 8.0  # N
@@ -81,7 +82,14 @@ def main() -> None:
     readings = np.array(columns)[:, :, 0]  # (columns, states, 3, rows, cols) of the left finger
     vmax = float(np.abs(readings[:, :, 2]).max())
     shear_max = float(np.hypot(readings[:, :, 0], readings[:, :, 1]).max())
+    for path in light_and_dark(OUTPUT):
+        draw(readings, layout, vmax, shear_max).savefig(path, dpi=110)
+    print(f"{OUTPUT.name}: normal force up to {vmax:.2f} N, shear up to {shear_max:.2f} N")
+    print(np.round(readings.sum(axis=(-2, -1)), 2))
 
+
+def draw(readings: np.ndarray, layout: paxisim.TaxelLayout, vmax: float, shear_max: float) -> Figure:
+    """Draw the readings, ``(columns, states, 3, rows, cols)``."""
     figure = Figure(figsize=(10.2, 6.2), layout="constrained")
     axes = figure.subplots(2, 4)
     for row, state in enumerate(["held in the air", "pushed by the rim"]):
@@ -94,9 +102,7 @@ def main() -> None:
                 draw_pad(ax, force.astype(float), layout, vmax, shear_max, title)
             ax.set_ylabel(f"{state}\n\ny (mm)" if column == 0 else "")
             ax.set_xlabel("x (mm)" if row == 1 else "")
-    figure.savefig(OUTPUT, dpi=110)
-    print(f"{OUTPUT.name}: normal force up to {vmax:.2f} N, shear up to {shear_max:.2f} N")
-    print(np.round(readings.sum(axis=(-2, -1)), 2))
+    return figure
 
 
 if __name__ == "__main__":

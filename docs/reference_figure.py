@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 import paxisim
 from paxisim.augment.gcs import GCS
+from paxisim.viz.dark import light_and_dark
 from paxisim.viz.drawing import draw_pad, draw_scales
 
 UNIT = 7
@@ -37,18 +38,18 @@ def main() -> None:
     readings = np.array([[column[where] for where in rows.values()] for column in columns.values()]).astype(float)
     vmax, lowest = float(readings[:, :, 2].max()), float(readings[:, :, 2].min())
     shear_max = float(np.hypot(readings[:, :, 0], readings[:, :, 1]).max())
-
-    figure = Figure(figsize=(8.0, 8.8), layout="constrained")
-    axes = figure.subplots(3, 3)
-    for row, state in enumerate(rows):
-        for column, name in enumerate(columns):
-            ax = axes[row, column]
-            picture = draw_pad(ax, readings[column, row], layout, vmax, shear_max, name if row == 0 else "")
-            if column == 2:  # all are on the scales shown here
-                draw_scales(ax, picture, layout, lowest, vmax, shear_max)
-            ax.set_ylabel(f"{state}\n\ny (mm)" if column == 0 else "")
-            ax.set_xlabel("x (mm)" if row == 2 else "")
-    figure.savefig(OUTPUT, dpi=100)
+    for path in light_and_dark(OUTPUT):
+        figure = Figure(figsize=(8.0, 8.8), layout="constrained")
+        axes = figure.subplots(3, 3)
+        for row, state in enumerate(rows):
+            for column, name in enumerate(columns):
+                ax = axes[row, column]
+                picture = draw_pad(ax, readings[column, row], layout, vmax, shear_max, name if row == 0 else "")
+                if column == 2:  # all are on the scales shown here
+                    draw_scales(ax, picture, layout, lowest, vmax, shear_max)
+                ax.set_ylabel(f"{state}\n\ny (mm)" if column == 0 else "")
+                ax.set_xlabel("x (mm)" if row == 2 else "")
+        figure.savefig(path, dpi=100)
     print(f"{OUTPUT.name}: normal force {lowest:.2f} to {vmax:.2f} N, shear up to {shear_max:.2f} N")
     for name, pictures in zip(columns, readings, strict=True):
         for state, (x, y, z) in zip(rows, pictures, strict=True):

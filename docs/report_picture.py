@@ -16,9 +16,10 @@ from pathlib import Path
 from PIL import Image
 
 import paxisim
+from paxisim.viz.dark import light_and_dark, on_dark
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from browser import Browser, find
+from browser import Browser, Page, find
 from hidden.cases import make
 
 CAUSES, SEED, STRENGTH = ("latency", "taxel_gain"), 6, 0.7
@@ -40,18 +41,23 @@ def main() -> None:
         raise SystemExit("there is no Chromium; set CHROME to its path")
     with tempfile.TemporaryDirectory() as folder, Browser(chrome) as browser:
         found.save(folder)
-        page = browser.open(Path(folder) / "report.html", WIDTH)
-        shown = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-        middle = (
-            int(page.value("document.querySelector('main').querySelectorAll('h2')[2].getBoundingClientRect().top")) - 24
-        )
+        for path in light_and_dark(OUTPUT):
+            save(browser.open(Path(folder) / "report.html", WIDTH, dark=on_dark()), path)
+
+
+def save(page: Page, path: Path) -> None:
+    """Save the two halves of a page side by side."""
+    shown = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    third = "document.querySelector('main').querySelectorAll('h2')[2]"
+    middle = int(page.value(f"{third}.getBoundingClientRect().top")) - 24
     height = max(middle, shown.height - middle)
     both = Image.new("RGB", (2 * WIDTH + GAP, height), shown.getpixel((0, 0)))
     both.paste(shown.crop((0, 0, WIDTH, middle)), (0, 0))
     both.paste(shown.crop((0, middle, WIDTH, shown.height)), (WIDTH + GAP, 0))
     both = both.resize((both.width * 2 // 3, both.height * 2 // 3), Image.Resampling.LANCZOS)
-    both.quantize(200, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(OUTPUT, optimize=True)
-    print(f"{OUTPUT}: {OUTPUT.stat().st_size / 1e3:.0f} kB")
+    few = both.quantize(128, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
+    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -98,9 +98,15 @@ def test_commands_files_and_links_of_the_pages_exist():
 def test_the_navigation_has_every_page_and_the_pictures_exist():
     listed = re.findall(r"(?:- |: )([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(listed) == sorted(page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md"))
-    for page in TEXTS:
-        pictures = re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
-        assert [name for name in pictures if not (page.parent / name).is_file()] == [], page
+    for page in [*TEXTS, ROOT / "integrations" / "README.md"]:
+        text = page.read_text(encoding="utf-8")
+        plain = re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", text)
+        dark = r'<picture><source media="\(prefers-color-scheme: dark\)" srcset="(\S+)-dark\.png">'
+        both = re.findall(dark + r'\s*<img src="\1\.png" alt="[^"]+"></picture>', text)
+        assert len(both) == text.count("<img") == text.count("<source"), page
+        named = plain + [name + end for name in both for end in (".png", "-dark.png")]
+        assert [name for name in named if not (page.parent / name).is_file()] == [], page
+        assert [name for name in plain if (page.parent / f"{name.removesuffix('.png')}-dark.png").is_file()] == [], page
 
 
 def test_the_page_of_examples_shows_those_there_are():

@@ -1,4 +1,4 @@
-"""``python -m paxisim_lab.pictures --out pictures``: figures of learning curves and results."""
+"""``python -m paxisim_lab.pictures --out pictures``: figures of learning curves and results, light and dark."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from paxisim_insertion.results import IN_SIMULATION, PADS, Result
 from paxisim_insertion.shell import command
 from paxisim_insertion.tasks import TASKS
 
+from paxisim.viz.dark import light_and_dark
+
 from .curves import draw_curves, method_colours, shipped_curves
 from .paper import REAL, TABLE_2_SIM, UNKNOWN
 from .rates import PAPER_TRIALS, TRANSFERS, in_order, pooled, read_results
@@ -19,6 +21,8 @@ from .rates import PAPER_TRIALS, TRANSFERS, in_order, pooled, read_results
 
 def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
     """Draw learning.png, the curves that come with the package, and table.png, the paper's results beside ours.
+
+    learning-dark.png and table-dark.png are the same for dark pages.
 
     Args:
         results: Folder of results, for the table. Default: the results that come with the package and those in
@@ -30,9 +34,12 @@ def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
     matplotlib.use("Agg")
     found = read_results(results)
     out.mkdir(parents=True, exist_ok=True)
-    for name, figure in {"learning.png": draw_panels(shipped_curves()), "table.png": draw_table(found)}.items():
-        figure.savefig(out / name, dpi=90)
-        print(out / name)
+    for path in light_and_dark(out / "learning.png"):
+        draw_panels(shipped_curves()).savefig(path, dpi=90)
+        print(path)
+    for path in light_and_dark(out / "table.png"):
+        draw_table(found).savefig(path, dpi=90)
+        print(path)
 
 
 def draw_panels(curves: dict[str, dict[str, list[NDArray[np.float64]]]]) -> Any:

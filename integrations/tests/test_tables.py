@@ -149,7 +149,7 @@ def test_the_cost_of_a_matrix(tmp_path, capsys):
 
 def test_pictures(tmp_path):
     assert command(pictures, ["--results", str(RESULTS), "--out", str(tmp_path / "out")]) == 0
-    for name in ("learning.png", "table.png"):
+    for name in ("learning.png", "learning-dark.png", "table.png", "table-dark.png"):
         assert (tmp_path / "out" / name).stat().st_size > 10_000
 
 

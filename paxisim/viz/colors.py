@@ -14,6 +14,15 @@ STOPS: tuple[tuple[float, tuple[float, float, float]], ...] = (
 )
 """(normal force / vmax, RGB): light grey at rest, red where pressed, blue where the normal force is negative."""
 
+STOPS_ON_DARK: tuple[tuple[float, tuple[float, float, float]], ...] = (
+    (-1.0, (0.45, 0.72, 1.00)),
+    (-0.5, (0.14, 0.40, 0.82)),
+    (0.0, (0.20, 0.20, 0.20)),
+    (0.5, (0.66, 0.17, 0.17)),
+    (1.0, (1.00, 0.38, 0.33)),
+)
+"""The same for figures with a dark background: dark grey at rest."""
+
 UNKNOWN_COLOR = (0.55, 0.55, 0.55)
 """RGB of a taxel whose reading is NaN."""
 

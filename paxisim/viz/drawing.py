@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
-from paxisim.viz.colors import STOPS, UNKNOWN_COLOR
+from paxisim.viz.colors import STOPS, STOPS_ON_DARK, UNKNOWN_COLOR
+from paxisim.viz.dark import on_dark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
     from matplotlib.quiver import Quiver
 
-GREEN = "#0b8a3a"
-"""Colour of the shear arrows."""
+GREEN, GREEN_ON_DARK = "#0b8a3a", "#56d364"
+"""Colours of the shear arrows."""
 _INK = "#444444"
 _SHORTEST = 0.02  # arrows shorter than this fraction of a pitch are omitted
 _LETTER, _KEY = 0.09, 1.1  # width in inches of a letter in a title, and of the reference arrow with its text
@@ -32,7 +33,7 @@ def draw_pad(
     *,
     above_key: bool = False,
 ) -> tuple[PolyCollection, Quiver]:
-    """Draw one pad, without scales.
+    """Draw one pad, without scales, in colours for the background that matplotlib's settings give.
 
     Args:
         ax: Axes to draw in; their limits, aspect, title and labels are set. Lengths in mm.
@@ -46,10 +47,11 @@ def draw_pad(
     Returns:
         The taxels as polygons in row-major order, and the arrows, which are masked where there is no visible shear.
     """
+    from matplotlib import rcParams
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    ramp = [((stop + 1) / 2, rgb) for stop, rgb in STOPS]
+    ramp = [((stop + 1) / 2, rgb) for stop, rgb in (STOPS_ON_DARK if on_dark() else STOPS)]
     colors = LinearSegmentedColormap.from_list("paxisim", ramp, N=512).with_extremes(bad=UNKNOWN_COLOR)
     x, y = 1e3 * layout.positions[:, :2].T
     half_y, half_x = (500 * pitch for pitch in layout.pitch)
@@ -59,7 +61,7 @@ def draw_pad(
         array=np.ma.masked_invalid(force[2].reshape(-1)),
         cmap=colors,
         norm=Normalize(-vmax, vmax),
-        edgecolors="white",
+        edgecolors=rcParams["axes.facecolor"],
         linewidths=1.0,
     )
     ax.add_collection(taxels)
@@ -68,14 +70,21 @@ def draw_pad(
     ax.set_ylim(y.max() + half_y, y.min() - half_y)
     # a blank title reserves the space that the reference arrow needs
     ax.set_title(title or " ", loc="left", fontsize="large", pad=26 if above_key else 8, parse_math=False)
-    ax.set_xlabel("x (mm)", color=_INK)
-    ax.set_ylabel("y (mm)", color=_INK)
+    ax.set_xlabel("x (mm)", color=_ink())
+    ax.set_ylabel("y (mm)", color=_ink())
     longest = max(layout.size)
     ax.locator_params(axis="x", nbins=max(1, int(5 * layout.size[1] / longest)), min_n_ticks=1)
     ax.locator_params(axis="y", nbins=max(1, int(5 * layout.size[0] / longest)), min_n_ticks=1)
-    ax.tick_params(length=0, colors=_INK, labelsize="small")
+    ax.tick_params(length=0, colors=_ink(), labelsize="small")
     ax.spines[:].set_visible(False)
     return taxels, _draw_shear(ax, force[:2].reshape(2, -1), layout, shear_max)
+
+
+def _ink() -> str:
+    """Return the colour of labels: that of text by matplotlib's settings, if these are not the default's black."""
+    from matplotlib import rcParams
+
+    return _INK if rcParams["text.color"] == "black" else rcParams["text.color"]
 
 
 def beside_key(ax: Axes, layout: TaxelLayout, title: str) -> bool:
@@ -86,6 +95,8 @@ def beside_key(ax: Axes, layout: TaxelLayout, title: str) -> bool:
 
 
 def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: float) -> Quiver:
+    from matplotlib import rcParams
+
     pitch = 1e3 * min(layout.pitch)
     thickness = min(0.1 * pitch, 0.025 * 1e3 * max(layout.size))
     u, v = _visible(shear, top)
@@ -95,7 +106,8 @@ def _draw_shear(ax: Axes, shear: NDArray[np.float64], layout: TaxelLayout, top: 
         *(x, y, u, v),
         **{"angles": "xy", "scale_units": "xy", "scale": top / pitch, "units": "xy", "pivot": "mid"},
         **{"width": thickness, "headwidth": 3.2, "headlength": 3.4, "headaxislength": 3.0, "minlength": 0.0},
-        **{"color": GREEN, "edgecolor": "white", "linewidth": 0.6, "clip_on": False, "zorder": 3},
+        **{"color": GREEN_ON_DARK if on_dark() else GREEN, "edgecolor": rcParams["axes.facecolor"]},
+        **{"linewidth": 0.6, "clip_on": False, "zorder": 3},
     )
     arrows.set_in_layout(False)  # constrained layout misjudges the size of the arrows
     return arrows
@@ -138,13 +150,13 @@ def draw_scales(
     bar_width = max(0.045 * height / width, 0.02)
     bar = ax.figure.colorbar(taxels, cax=ax.inset_axes((1 + bar_width, 0, bar_width, 1)))
     bar.ax.set_ylim(lowest, vmax)
-    bar.set_label("normal force (N)", color=_INK)
-    bar.ax.tick_params(length=0, colors=_INK, labelsize="small")
+    bar.set_label("normal force (N)", color=_ink())
+    bar.ax.tick_params(length=0, colors=_ink(), labelsize="small")
     bar.outline.set_visible(False)  # type: ignore[operator]
     value = round_down(shear_max)
     tail = 1 - value / shear_max * 1e3 * min(layout.pitch) / width
     points = 72 / ax.figure.dpi * min(ax.bbox.height, ax.bbox.width * height / width)
-    look = {"labelpos": "W", "labelsep": 0.08, "labelcolor": _INK, "fontproperties": {"size": "small"}}
+    look = {"labelpos": "W", "labelsep": 0.08, "labelcolor": _ink(), "fontproperties": {"size": "small"}}
     ax.quiverkey(arrows, tail, 1 + 10 / points, value, f"shear {value:g} N", **look)
 
 

@@ -2,7 +2,8 @@
 
 Each pad is seen from outside, facing its sensing surface: x right, y down, row 0 at the top. Lengths are in mm,
 forces in newtons, both in the pad frame. A negative normal force is drawn blue, never red. Taxels that are not on
-a flat grid are projected onto the x-y plane. Needs matplotlib (the ``viz`` extra), but no display and no pyplot.
+a flat grid are projected onto the x-y plane. Text and background have the colours of matplotlib's settings; with a dark
+style, taxels at rest are dark. Needs matplotlib (the ``viz`` extra), but no display and no pyplot.
 """
 
 from __future__ import annotations

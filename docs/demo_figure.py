@@ -1,0 +1,17 @@
+"""Draws docs/images/demo.png: the picture of `paxisim demo`.
+
+python docs/demo_figure.py
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from paxisim.cli.demo import demo
+from paxisim.viz.dark import light_and_dark
+
+OUTPUT = Path(__file__).parent / "images" / "demo.png"
+
+if __name__ == "__main__":
+    for path in light_and_dark(OUTPUT):
+        demo(output=path, force=True)
