@@ -127,13 +127,19 @@ def test_a_field_sensor_reads_newtons(printed):
 
 
 @pytest.mark.slow
-def test_slip_is_found_on_other_skins(printed):
+@pytest.mark.real_time
+def test_slip_is_found_on_other_skins_and_through_the_driver(printed):
     rates = re.findall(r"finds (\d+)% of (\d+) frames with slip, false alarm in (\d+)%", printed("anyskin_slip.py"))
-    assert len(rates) == 4
-    for found, frames, false in np.array(rates, int):
+    assert len(rates) == 5
+    *units, live = np.array(rates, int)
+    for found, frames, false in units:
         assert found > 80
         assert frames > 100
         assert false < 10
+    found, frames, false = live
+    assert found > 60, "a busy machine repeats frames"
+    assert frames > 50
+    assert false < 20
 
 
 def test_a_notebook_is_kept_without_its_outputs():
