@@ -190,6 +190,6 @@ def main(
 if __name__ == "__main__":
     try:
         tyro.cli(main)
-    except (paxisim.PaxisimError, OSError) as error:
+    except (paxisim.PaxisimError, mujoco.FatalError, OSError) as error:
         print(f"pick_by_touch: error: {error}", file=sys.stderr)
         sys.exit(2)
