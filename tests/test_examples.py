@@ -11,6 +11,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import offscreen
 import pytest
 
 pytest.importorskip("serial")
@@ -21,6 +22,7 @@ import paxisim
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))
+XARM = ROOT.parent / "shared" / "data" / "hands" / "ufactory_xarm7" / "xarm7.xml"
 
 
 @pytest.fixture
@@ -140,6 +142,68 @@ def test_slip_is_found_on_other_skins_and_through_the_driver(printed):
     assert found > 60, "a busy machine repeats frames"
     assert frames > 50
     assert false < 20
+
+
+def test_a_box_is_picked_by_touch_whatever_its_weight(printed):
+    if not XARM.is_file():
+        pytest.skip("the public hands are not here")
+    out = printed("pick_by_touch.py", str(XARM))
+    lifted = re.findall(
+        r"by touch: lifted, weight read (.+?) N, true (.+?) N, slid (.+?) mm\n"
+        r"  on the pads (.+?) and (.+?) N, shear (.+?) and (.+?) N",
+        out,
+    )
+    light, heavy = np.array(lifted, float)
+    for read, true, slid, *normal, left, right in (light, heavy):
+        assert read == pytest.approx(true, rel=0.15), "an axis of the sensor is off by up to 10 %"
+        assert left + right == pytest.approx(read, abs=0.11)
+        assert slid < 3
+        assert min(normal) > 1.9 * max(left, right), "the grip follows the shear"
+    np.testing.assert_allclose(light[3:5], 1.5, atol=0.15)
+    assert heavy[3:5].min() > 5 * light[3:5].max()
+    (rose,) = re.findall(r"1 kg, fixed grip: dropped, the box rose (.+?) mm", out)
+    assert float(rose) < 30, "it slips when the table no longer carries it"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], r"name .+ of MuJoCo Menagerie, https://\S+"),
+        (["so_arm100.xml"], r"name .+ of MuJoCo Menagerie, https://\S+"),
+        (["xarm7.xml"], "no such model file: xarm7.xml"),
+        (["xarm7.xml", "-o", "pick.avi"], "a film must end in .webp or .gif, got pick.avi"),
+    ],
+)
+def test_without_its_arm_the_pick_says_where_to_get_one(printed, capsys, words, said):
+    with pytest.raises(SystemExit) as stop:
+        printed("pick_by_touch.py", *words)
+    assert stop.value.code == 2
+    assert re.fullmatch(rf"pick_by_touch: error: {said}\n", capsys.readouterr().err)
+
+
+def test_a_picture_of_the_pick_shows_the_arm_and_the_pads(tmp_path):
+    pytest.importorskip("matplotlib")
+    from PIL import Image
+
+    if not XARM.is_file():
+        pytest.skip("the public hands are not here")
+    code = """
+import itertools, runpy, sys, mujoco
+example = runpy.run_path(sys.argv[1])
+robot = example["Robot"](sys.argv[2], mass=0.1, unit=0, by_touch=True)
+with mujoco.Renderer(robot.model, example["SIZE"], example["SIZE"]) as renderer:
+    for number, _ in enumerate(itertools.islice(example["pick"](robot), 340)):
+        if number in (0, 339):
+            example["picture"](robot, renderer, "0.1 kg").save(f"{number}.png")
+"""
+    done = offscreen.python("-c", code, EXAMPLES / "pick_by_touch.py", XARM, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    first, last = (np.asarray(Image.open(tmp_path / f"{n}.png")).astype(int) for n in (0, 339))
+    assert first.shape == last.shape
+    assert first[:, :240].std() > 30, "the scene is not blank"
+    assert (np.abs(last - first)[:, :240].max(axis=-1) > 60).sum() > 500, "the arm moves"
+    red = [(picture[20:210, 270:640, 0] - picture[20:210, 270:640, 1] > 20).sum() for picture in (first, last)]
+    assert red[0] < 1000 < red[1], "the pads turn red while they are pressed"
 
 
 def test_a_notebook_is_kept_without_its_outputs():

@@ -1,7 +1,5 @@
 """Films of recordings and of replays, from the shell."""
 
-import os
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
+import offscreen
 from PIL import Image
 
 import paxisim
@@ -122,21 +121,9 @@ def test_the_time_between_two_episodes_and_what_is_too_long_is_not_filmed(grasp,
     assert len(frames("short.webp")) == RATE
 
 
-def offscreen(words):
-    """Run ``paxisim`` with a renderer that this machine has; skip the test if it has none."""
-    for backend in ("egl", "osmesa"):
-        environment = {**os.environ, "MUJOCO_GL": backend}
-        probe = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).close()"
-        if subprocess.run([sys.executable, "-c", probe], env=environment, capture_output=True).returncode == 0:
-            return subprocess.run(
-                [sys.executable, "-m", "paxisim", *words], env=environment, capture_output=True, text=True
-            )
-    pytest.skip("MuJoCo cannot render on this machine")
-
-
 def test_a_replay_is_filmed_with_its_scene(grasp):
     words = ["replay", str(grasp / "peg.mcap"), "--scene", str(grasp / "peg.toml"), "-o", "paired.npz"]
-    done = offscreen([*words, "--film", "film.webp"])
+    done = offscreen.python("-m", "paxisim", *words, "--film", "film.webp")
     assert done.returncode == 0, done.stderr
     assert "film.webp: 2.0 s, " in done.stdout
     assert {path.name for path in Path().iterdir()} == {"paired.npz", "film.webp"}
