@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+import torch
 
 import paxisim
 
@@ -27,6 +28,33 @@ def stack_chains(chains: Sequence[paxisim.Chain]) -> paxisim.Chain:
         }
         members.append(replace(alike[0], **drawn))
     return paxisim.Chain(members, chains[0].names)
+
+
+def merge_chains(mask: Any, new: paxisim.Chain, old: paxisim.Chain) -> paxisim.Chain:
+    """Return a batched chain with the parameters of `new` where the mask ``(batch,)`` is true, else those of `old`.
+
+    Both differ only in their parameters, which are tensors.
+    """
+    members = []
+    one: Any  # dataclasses
+    other: Any
+    for one, other in zip(new.members, old.members, strict=True):
+        if isinstance(one, paxisim.Chain):
+            members.append(merge_chains(mask, one, other))
+            continue
+        own = {item.name: (getattr(one, item.name), getattr(other, item.name)) for item in fields(one)}
+        drawn = {name: choose(mask, *both) for name, both in own.items() if isinstance(both[0], torch.Tensor)}
+        members.append(replace(one, **drawn))
+    return paxisim.Chain(members, new.names)
+
+
+def choose(mask: Any, new: Any, old: Any) -> Any:
+    """Return rows of `new` where the mask ``(batch,)`` is true, else those of `old`, in tensors or nested tuples."""
+    if isinstance(new, tuple):
+        return tuple(choose(mask, *both) for both in zip(new, old, strict=True))
+    if not isinstance(new, torch.Tensor) or new.shape[:1] != mask.shape:
+        return new  # the same for the whole batch
+    return torch.where(mask.reshape(-1, *[1] * (new.ndim - 1)), new, old)
 
 
 def convert_chain(chain: paxisim.Chain, convert: Callable[[Any], Any]) -> paxisim.Chain:

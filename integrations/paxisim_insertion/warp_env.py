@@ -11,7 +11,8 @@ from gymnasium.vector.utils import batch_space
 
 import paxisim
 
-from .engines.warp import Starts, WarpScene
+from .chains import choose, merge_chains
+from .engines.warp import Settled, Starts, WarpScene
 from .env import CONTROL_DT
 from .methods import NOTHING_DRAWN, find_method
 from .observations import RAW, make_spaces
@@ -27,10 +28,14 @@ class InsertionWarpEnv(VectorEnv):
     Scene, observations and rewards are those of `InsertionEnv` with ``engine="native"``. Observations, rewards and
     flags are torch tensors on the device instead of arrays, and actions may be too. A step waits for nothing.
 
-    All episodes have the same length, and new ones begin at once: a step that ends the episodes returns the first
-    observations of the next ones, and the last observations in ``infos["final_obs"]``. ``infos["is_success"]`` tells
+    All episodes have the same length, and new ones begin at once: a step that ends an episode returns the first
+    observation of the next one, and the last observation in ``infos["final_obs"]``. ``infos["is_success"]`` tells
     in which worlds the insertion has succeeded in this episode. A world whose simulation diverges, or whose contacts
     MuJoCo Warp has dropped, has observations and rewards of 0 until the episode ends, and ``infos["is_wrong"]``.
+
+    The worlds end their episodes together, or, if `staggered`, at different steps: the first episode of each ends after
+    a random number of steps. On-policy methods learn from a few steps of all worlds at a time, which should not all be
+    of one phase of the episode. The grasps of new episodes settle together, in one of as many steps as an episode has.
 
     Attributes:
         scene: The worlds.
@@ -48,6 +53,7 @@ class InsertionWarpEnv(VectorEnv):
         method: str = "GCS",
         gcs: paxisim.GCS | None = None,
         parameters: Parameters | None = None,
+        staggered: bool = False,
         device: str | None = None,
     ) -> None:
         """Build the worlds.
@@ -58,6 +64,7 @@ class InsertionWarpEnv(VectorEnv):
             method: Name of a method.
             gcs: Randomisation drawn for each episode. Default: that of the method.
             parameters: Values that the paper does not specify.
+            staggered: Whether the worlds end their episodes at different steps.
             device: Warp's name of the device, e.g. ``"cuda:0"`` or ``"cpu"``; default: the first GPU, or the CPU.
 
         Raises:
@@ -84,7 +91,9 @@ class InsertionWarpEnv(VectorEnv):
         self._rng = torch.Generator(self.device)
         self._rng.seed()
         self._chain, self._state = paxisim.Chain(), ()
-        self._steps = 0
+        self._staggered, self._steps = staggered, 0
+        self._phase = torch.zeros(num_envs, dtype=torch.long, device=self.device)
+        self._next: Settled | None = None
         self._home: torch.Tensor | None = None
         self._raw = torch.zeros((num_envs, *pads.shape), device=self.device)
         self._all = torch.ones(num_envs, dtype=torch.bool, device=self.device)
@@ -108,10 +117,12 @@ class InsertionWarpEnv(VectorEnv):
             if len(seed) != self.num_envs:
                 raise paxisim.InvalidValueError(f"expected {self.num_envs} seeds, got {len(seed)}")
             starts = Starts.of_seeds(seed, self.parameters, self._gcs, self.scene.pads, self.device)
-            return self._begin(starts), self._told()
-        if seed is not None:
-            self._rng.manual_seed(int(seed))
-        return self._begin(), self._told()
+        else:
+            if seed is not None:
+                self._rng.manual_seed(int(seed))
+            starts = self._draw()
+        self._begin_all(starts)
+        return self._observe(), self._told()
 
     def step(  # type: ignore[override]
         self, actions: Any
@@ -141,12 +152,18 @@ class InsertionWarpEnv(VectorEnv):
         reward = torch.where(self._wrong, 0.0, reward)
         self._succeeded = self._succeeded | (state.success & ~self._wrong)
         observation, infos = self._observe(), self._told()
-        done = self._steps >= self.task.max_steps
-        if done:
+        renewed = self._steps % self.task.max_steps == 0
+        if renewed:
+            self._next = scene.settle(self._draw())
+        ended = ~self._all
+        if renewed or self._staggered:
+            ended = (self._steps + self._phase) % self.task.max_steps == 0
             last = {name: infos[name] for name in ("is_success", "is_wrong")}
-            observation, infos = self._begin(), self._told() | {"final_obs": observation, "final_info": last}
-            infos |= {"_final_obs": self._all, "_final_info": self._all}
-        return observation, reward, ~self._all, self._all if done else ~self._all, infos
+            self._begin(ended)
+            infos = self._told() | {"final_obs": observation, "final_info": last}
+            infos |= {"_final_obs": ended, "_final_info": ended}
+            observation = self._observe()
+        return observation, reward, ~self._all, ended, infos
 
     def solved(self, act: Callable[[Observation], Any], seeds: Sequence[int]) -> list[bool]:
         """Return in which worlds a policy solves the episode of the world's seed; wrong worlds count as not solved.
@@ -160,28 +177,53 @@ class InsertionWarpEnv(VectorEnv):
             observation, _, _, _, infos = self.step(act(observation))
         return infos["final_info"]["is_success"].tolist()
 
-    def _begin(self, starts: Starts | None = None) -> Observation:
+    def _draw(self) -> Starts:
+        return Starts.draw(self._rng, self.num_envs, self.parameters, self._gcs, self.scene.pads)
+
+    def _begin_all(self, starts: Starts) -> None:
+        """Begin the first episode of each world."""
         scene = self.scene
-        if starts is None:
-            starts = Starts.draw(self._rng, self.num_envs, self.parameters, self._gcs, scene.pads)
         scene.place(starts)
         self._home, self._chain = scene.fingertip.clone(), starts.chain
         self._steps, self._succeeded, self._wrong = 0, ~self._all, ~self._all
         self._history.reset()
-        self._raw = self._sense()
+        self._raw = self._sense(scene.read())
         self._state = self._chain.initial_state(self._raw, self._covariates())
-        self._feel(0.0)
-        return self._observe()
+        self._history.append(self._through(0.0))
+        self._next = None
+        if self._staggered:
+            self._phase.random_(self.task.max_steps, generator=self._rng)
+            self._next = scene.settle(self._draw())
 
-    def _sense(self) -> torch.Tensor:
-        force = self.scene.read()
+    def _begin(self, ended: torch.Tensor) -> None:
+        """Begin the next episode of the worlds whose episode has ended."""
+        scene, new = self.scene, self._next
+        assert new is not None
+        assert self._home is not None
+        scene.begin(new, ended)
+        self._home = choose(ended, scene.fingertip, self._home)
+        self._succeeded, self._wrong = self._succeeded & ~ended, self._wrong & ~ended
+        self._raw = choose(ended, self._sense(choose(ended, new.force, self._raw)), self._raw)
+        self._chain = merge_chains(ended, new.starts.chain, self._chain)
+        fresh = self._chain.initial_state(self._raw, self._covariates())
+        kept = self._state
+        self._state = choose(ended, fresh, kept)
+        first = self._through(0.0)
+        self._state = choose(ended, self._state, kept)
+        self._history.begin(first, ended)
+
+    def _sense(self, force: torch.Tensor) -> torch.Tensor:
         self._wrong = self._wrong | self.scene.diverged | ~torch.isfinite(force).all(dim=(1, 2, 3, 4))
         return torch.nan_to_num(force)
 
-    def _feel(self, dt: float) -> None:
-        self._raw = self._sense()
+    def _through(self, dt: float) -> torch.Tensor:
+        """Return the newest reading as the sensor gives it."""
         force, self._state = self._chain.step(self._raw, self._state, dt, self._covariates())
-        self._history.append(force)
+        return force
+
+    def _feel(self, dt: float) -> None:
+        self._raw = self._sense(self.scene.read())
+        self._history.append(self._through(dt))
 
     def _covariates(self) -> dict[str, Any]:
         return {"gripper_opening": self.scene.opening} if self._chain.covariate_names else {}

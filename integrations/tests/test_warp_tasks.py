@@ -95,6 +95,46 @@ def test_episodes_end_together_and_begin_at_once(env, monkeypatch):
     assert not torch.allclose(first["raw"][0], first["raw"][1])
 
 
+def test_staggered_worlds_end_one_by_one_and_disturb_no_other(monkeypatch):
+    many = InsertionWarpEnv(WORLDS, task="SX-2mm", method="GCS", staggered=True, device="cpu")
+    length = 5
+    monkeypatch.setattr(many, "task", replace(many.task, max_steps=length))
+    many.reset(seed=2)
+    ended, k = [], many._history.k
+    for _ in range(3 * length):
+        observation, reward, _, truncated, infos = many.step(np.zeros((WORLDS, 2)))
+        assert (reward > 0.1).all()
+        assert not infos["is_wrong"].any()
+        torch.testing.assert_close(infos["_final_obs"], truncated)
+        ended.append(truncated.numpy())
+        for name, values in observation.items():
+            same = [torch.equal(one, other) for one, other in zip(values, infos["final_obs"][name], strict=True)]
+            own = truncated | (values == 0).flatten(1).all(dim=1)  # "p" is 0 on this task
+            assert all(same[world] for world in np.flatnonzero(~own)), f"{name} of a world that goes on"
+        frames = observation["tactile"].reshape(WORLDS, k, -1)
+        constant = (frames == frames[:, :1]).all(dim=(1, 2))
+        torch.testing.assert_close(constant, truncated, msg="an episode begins with its first frame alone")
+        raw = observation["raw"]
+        assert (raw[:, :, 2].sum(dim=(-2, -1)) > 20).all(), "each pad is held with 27 N"
+    ended = np.array(ended)
+    assert len(set(ended.argmax(axis=0))) > 1, "at different steps"
+    np.testing.assert_array_equal(ended[length:], ended[:-length], "episodes of one length")
+    assert (ended.sum(axis=0) == 3).all()
+
+
+def test_settling_the_next_grasps_leaves_the_worlds_as_they_are(env):
+    ways = []
+    for settles in (False, True):
+        observation, _ = env.reset(seed=9)
+        for _ in range(3):
+            if settles:
+                env.scene.settle(env._draw())
+            observation, *_ = env.step(0.3 * torch.ones(WORLDS, 2))
+        ways.append(observation)
+    for name, values in ways[0].items():
+        torch.testing.assert_close(ways[1][name], values, rtol=0, atol=1e-6, msg=name)
+
+
 def test_a_world_that_diverges_is_told_and_recovers(env):
     env.reset(seed=7)
     env.scene._qpos[1, 0] = float("nan")

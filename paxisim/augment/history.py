@@ -100,6 +100,29 @@ class History:
         self._newest = (self._newest + 1) % self.k
         self._ring[(*at, self._newest)] = frame
 
+    def begin(self, force: Any, mask: Any) -> None:
+        """Begin a new episode of the masked environments with their newest frame; the others stay as they are.
+
+        Use it where an episode's first frame belongs to the same step as the last one of the episode before.
+
+        Args:
+            force: First frames, ``(*batch, pads, 3, rows, cols)`` newtons; those of other environments are not used.
+            mask: Boolean array of the batch's shape.
+
+        Raises:
+            InvalidValueError: There is no frame yet.
+        """
+        if self._ring is None:
+            raise InvalidValueError("History: there is no frame yet: append one first")
+        xp, batch = namespace(self._ring), force.ndim - 4
+        at = (slice(None),) * batch
+        frame = self.encoding.encode(force)
+        chosen = xp.reshape(mask, (*mask.shape, *[1] * (self._ring.ndim - mask.ndim)))
+        older = frame[(*at, None)] if self.fill == "first" else xp.zeros_like(frame[(*at, None)])
+        self._ring = xp.where(chosen, older, self._ring)
+        newest = (*at, self._newest)
+        self._ring[newest] = xp.where(chosen[(*at, 0)], frame, self._ring[newest])
+
     def read(self) -> Any:
         """Policy input, oldest frame first: ``(*batch, k channels)`` or ``(*batch, k channels, rows, cols)``.
 

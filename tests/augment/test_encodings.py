@@ -126,6 +126,12 @@ def test_history_of_environments_that_reset_apart(name, fill, k, array):
             if mask[i]:
                 episode.clear()
             episode.append(e.encode(frame[i]))
+        done = rng.random(4) < 0.2
+        if done.any():  # and begin anew within the same step
+            frame = force(4, seed=100 + t)
+            history.begin(array(frame), array(done))
+            for i in np.flatnonzero(done):
+                episodes[i] = [e.encode(frame[i])]
         read = history.read()
         assert tuple(read.shape) == (4, *e.shape(k=k))
         assert isinstance(read, type(array(frame)))
@@ -134,8 +140,9 @@ def test_history_of_environments_that_reset_apart(name, fill, k, array):
 
 def test_history_of_one_environment_is_the_callers_to_keep():
     history = History(encoding("DT", LAYOUT), 2)
-    with pytest.raises(InvalidValueError, match="no frame yet"):
-        history.read()
+    for early_call in (history.read, lambda: history.begin(force(4), np.ones(4, dtype=bool))):
+        with pytest.raises(InvalidValueError, match="no frame yet"):
+            early_call()
     history.append(force(seed=1))
     early = history.read()
     history.append(force(seed=2))
@@ -158,4 +165,5 @@ def test_history_waits_for_no_device():
     for _ in range(4):
         history.append(torch.empty(4, 2, 3, 6, 5, device="meta"))
         history.reset(torch.empty(4, dtype=torch.bool, device="meta"))
+        history.begin(torch.empty(4, 2, 3, 6, 5, device="meta"), torch.empty(4, dtype=torch.bool, device="meta"))
     assert history.read().shape == (4, 18, 6, 5)

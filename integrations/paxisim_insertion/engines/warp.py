@@ -13,7 +13,7 @@ from gymnasium.utils import seeding
 
 import paxisim
 
-from ..chains import convert_chain, stack_chains
+from ..chains import choose, convert_chain, stack_chains
 from ..observations import observed_poses
 from ..reward import Insertion, insertion
 from ..tasks import Parameters, Task
@@ -83,8 +83,23 @@ class Starts:
         return cls(put(bottoms), offset, lean, put(heights), convert_chain(stack_chains(chains), put))
 
 
+@dataclass(frozen=True)
+class Settled:
+    """Worlds whose fingers have closed on the peg, at the begin of an episode.
+
+    Attributes:
+        starts: How the episodes begin.
+        state: The changing arrays of the worlds, by name.
+        force: ``(worlds, pads, 3, rows, cols)`` readings (N); NaN if they are wrong.
+    """
+
+    starts: Starts
+    state: dict[str, torch.Tensor]
+    force: torch.Tensor
+
+
 class WarpScene:
-    """Worlds with the native engine's model. Each has its own surface, grasp and start; all begin an episode together.
+    """Worlds with the native engine's model. Each has its own surface, grasp and start.
 
     Attributes:
         native: The scene from which the worlds are made; its own simulation stays as it is.
@@ -119,7 +134,8 @@ class WarpScene:
         self._device = self._d.qpos.device
         self.device: torch.device = torch.device(self._warp.device_to_torch(self._device))
         self._views()
-        self._graph: Any = None
+        self._heights: torch.Tensor | None = None
+        self._graphs: dict[int, Any] = {}  # of some physics steps at once
         if self._device.is_cuda:
             self._record()
 
@@ -138,6 +154,10 @@ class WarpScene:
             view(d.xpos)[:, native.peg_body],
             view(d.xmat)[:, native.peg_body],
         )
+        names = ("qpos", "qvel", "act", "ctrl", "time", "qacc_warmstart")
+        names += ("xpos", "xmat", "site_xpos", "site_xmat", "geom_xpos", "geom_xmat")
+        arrays = {name: view(getattr(d, name)) for name in names}
+        self._state = {name: values for name, values in arrays.items() if values.numel()} | {"bias": self._bias}
         self._base = torch.tensor(native.base, dtype=torch.float32, device=self.device)
         self._towards = torch.tensor(native.pull[:, :3].T, dtype=torch.float32, device=self.device)
         self._fingers, self._grippers = (
@@ -146,24 +166,26 @@ class WarpScene:
         )
 
     def _record(self) -> None:
-        """Record a physics step as a CUDA graph, after one that loads the kernels."""
-        with self._warp.ScopedDevice(self._device):
-            self._engine.step(self._m, self._d)
-            with self._warp.ScopedCapture() as capture:
-                self._engine.step(self._m, self._d)
-        self._graph = capture.graph
+        """Record a physics step, and those of a control step, as CUDA graphs, after one that loads the kernels."""
+        self._step()
+        for steps in (1, CONTROL_STEPS):
+            with self._warp.ScopedDevice(self._device), self._warp.ScopedCapture() as capture:
+                for _ in range(steps):
+                    self._engine.step(self._m, self._d)
+            self._graphs[steps] = capture.graph
 
-    def _step(self) -> None:
-        if self._graph is not None:
-            self._warp.capture_launch(self._graph)
+    def _step(self, steps: int = 1) -> None:
+        if steps in self._graphs:
+            self._warp.capture_launch(self._graphs[steps])
             return
         with self._warp.ScopedDevice(self._device):
-            self._engine.step(self._m, self._d)
+            for _ in range(steps):
+                self._engine.step(self._m, self._d)
 
     def place(self, starts: Starts) -> None:
         """Begin an episode in each world: place the peg and close the fingers on it, as `Scene.place` does."""
         native = self.native
-        paxisim.warp.set_surface(self._m, self._d, self._model, self.pads, starts.heights + BEHIND)
+        self._surface(starts.heights)
         at: Placement = native.placement(starts.bottom, starts.offset, starts.lean)
         with self._warp.ScopedDevice(self._device):
             self._engine.reset_data(self._m, self._d)
@@ -178,14 +200,38 @@ class WarpScene:
         for _ in range(round(FREE / TIMESTEP)):
             self._step()
 
+    def settle(self, starts: Starts) -> Settled:
+        """Return the worlds as `place` leaves them, and leave them as they were."""
+        before, heights = self._copied(), self._heights
+        self.place(starts)
+        settled = Settled(starts, self._copied(), self.read().clone())
+        for name, values in before.items():
+            self._state[name].copy_(values)
+        if heights is not None:
+            self._surface(heights)
+        return settled
+
+    def begin(self, settled: Settled, mask: torch.Tensor) -> None:
+        """Begin an episode in the masked worlds, from the beginning of `settled` for each."""
+        for name, values in self._state.items():
+            values.copy_(choose(mask, settled.state[name], values))
+        heights = settled.starts.heights
+        self._surface(heights if self._heights is None else choose(mask, heights, self._heights))
+
+    def _copied(self) -> dict[str, torch.Tensor]:
+        return {name: values.clone() for name, values in self._state.items()}
+
+    def _surface(self, heights: torch.Tensor) -> None:
+        self._heights = heights
+        paxisim.warp.set_surface(self._m, self._d, self._model, self.pads, heights + BEHIND)
+
     def aim(self, position: torch.Tensor) -> None:
         """Pull the fingertips towards positions ``(worlds, 3)`` (m, world) from the next physics step on."""
         self._ctrl[:, :6] = (position - self._base) @ self._towards
 
     def advance(self) -> None:
         """Simulate 50 ms. Nothing waits for the device."""
-        for _ in range(CONTROL_STEPS):
-            self._step()
+        self._step(CONTROL_STEPS)
 
     def read(self) -> torch.Tensor:
         """Return the forces at the last physics step, ``(worlds, pads, 3, rows, cols)`` newtons; NaN if they are wrong.
