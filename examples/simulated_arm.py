@@ -182,8 +182,8 @@ def main(
     skin = paxisim.MagneticSkin(profile) if board.family == "magnetometer-board" else None
     chain = paxisim.Chain() if sensor is None else paxisim.Chain.load(sensor)
     arm = Arm(board.layout if skin is None else skin.design.cells, chain, skin)
-    # the exact field of a skin takes milliseconds, so it is computed once a message
-    rate, every = (RATE, EVERY) if skin is None else (RATE / EVERY, 1)
+    # the exact field of a skin takes milliseconds, so it is computed at 50 Hz
+    rate, every = (RATE, EVERY) if skin is None else (50.0, 1)
     if scene is not None:
         scene.write_text(arm.spec.to_xml(), encoding="utf-8")
     with (

@@ -17,6 +17,7 @@ from paxisim.calibrate.load_model import Kind, LoadModel, fit_load_model
 from paxisim.calibrate.loads import COMPONENTS, MAX_LOADS, Excitation, Load
 from paxisim.document import DocumentFile, finite
 from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
 from paxisim.recording import Recording
 
 _FORCES = COMPONENTS[:3]
@@ -92,6 +93,39 @@ class Calibration(DocumentFile):
             if place is not None:
                 force[0, place] = value
         return force
+
+    def apply_total(self, recording: Recording) -> Recording:
+        """Convert a recording of one pad for diagnosis: its total force as one taxel, and the load beside it.
+
+        An evenly magnetised skin has no channel that measures a force, but all channels together do. Components that
+        were not calibrated are 0 in both streams.
+
+        Args:
+            recording: Recording of the same sensor, with the channels in `measured` and the loads in its covariates.
+
+        Raises:
+            UnknownNameError: A covariate is missing.
+            InvalidValueError: There are several pads, no force was calibrated, the shape differs, `measured` is
+                missing, or the load is never known.
+        """
+        if self.background is not None:
+            recording = self.background.apply(recording)
+        recording, values = self.readout.beside_loads(recording, self.model.delay)
+        assert recording.measured is not None
+        places = [self._place(load) for load in self.model.loads]
+        if recording.measured.shape[1] != 1 or not any(place is not None for place in places):
+            raise InvalidValueError(
+                f"expected one pad and a calibrated force, got {recording.measured.shape[1]} pads and the loads "
+                f" {', '.join(load.name for load in self.model.loads)}"
+            )
+        measured = np.zeros((len(recording), 1, 3, 1, 1), dtype=np.float32)
+        simulated = np.zeros_like(measured)
+        for place, read, load in zip(places, self.model(recording.measured).T, values.T, strict=True):
+            if place is not None:
+                measured[:, 0, place, 0, 0], simulated[:, 0, place, 0, 0] = read, load
+        used = np.isin(np.arange(3), places).reshape(1, 3, 1, 1)
+        one = TaxelLayout(1, 1, recording.layout.size)
+        return self.readout.as_newtons(recording, measured, simulated, used=used, delay=self.model.delay, layout=one)
 
     def _place(self, load: Load) -> int | None:
         """Return the axis of the force that a load is, or None."""

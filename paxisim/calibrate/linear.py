@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.calibrate.loads import Excitation, Load, values_of
 from paxisim.errors import InvalidValueError
+from paxisim.layout import TaxelLayout
 from paxisim.logs.recording_arrays import episode_spans
 from paxisim.presses import MIN_SAMPLES, find_presses
 from paxisim.recording import Recording
@@ -120,6 +120,19 @@ class LinearCalibration:
             UnknownNameError: A covariate is missing.
             InvalidValueError: The shape differs, `measured` is missing, or the load is never known.
         """
+        recording, values = self.beside_loads(recording, self.delay)
+        assert recording.measured is not None
+        return self.as_newtons(
+            recording, self.to_force(recording.measured), self.expected(values), used=self.used, delay=self.delay
+        )
+
+    def beside_loads(self, recording: Recording, delay: float) -> tuple[Recording, NDArray[np.float64]]:
+        """Return the samples with a known load, in episodes of one press, and the loads ``(T, loads)``, delayed.
+
+        Raises:
+            UnknownNameError: A covariate is missing.
+            InvalidValueError: The shape differs, `measured` is missing, or the load is never known.
+        """
         values = values_of(recording, self.loads)
         if recording.measured is None:
             raise InvalidValueError("a readout is applied to the measured tensor, but the recording has none")
@@ -132,32 +145,51 @@ class LinearCalibration:
         if not known.any():
             raise InvalidValueError("the load is not known at any sample of the recording")
         recording, values = recording[known], values[known]
-        assert recording.measured is not None
-        values = self.earlier(recording, values)
-        episode = recording.episode
-        if len(np.unique(episode)) == 1 and len(recording) >= MIN_SAMPLES:
-            episode = find_presses(recording.time, values).episode
+        values = self.earlier(recording, values, delay)
+        if len(np.unique(recording.episode)) == 1 and len(recording) >= MIN_SAMPLES:
+            recording = replace(recording, episode=find_presses(recording.time, values).episode)
+        return recording, values
+
+    @staticmethod
+    def earlier(recording: Recording, values: NDArray[np.float64], delay: float) -> NDArray[np.float64]:
+        """Return the loads ``(T, loads)`` delayed (s); the first and last load of an episode are held."""
+        return delayed(recording.time, recording.episode, values, delay) if delay else values
+
+    def as_newtons(
+        self,
+        recording: Recording,
+        measured: NDArray[np.floating],
+        simulated: NDArray[np.floating],
+        *,
+        used: NDArray[np.bool_],
+        delay: float,
+        layout: TaxelLayout | None = None,
+    ) -> Recording:
+        """Return a recording in newtons, with what the calibration did in its metadata, see `apply`.
+
+        Args:
+            recording: The recording in the unit of the channels.
+            measured: ``(T, pads, 3, rows, cols)`` newtons.
+            simulated: The same of the loads.
+            used: ``(pads, 3, rows, cols)`` channels that are not 0 throughout.
+            delay: Delay of the loads (s).
+            layout: Layout of the taxels. Default: that of the recording.
+        """
         taken = {load.covariate for load in self.loads}
-        return replace(
-            recording,
-            measured=self.to_force(recording.measured),
-            simulated=self.expected(values),
-            covariates={name: v for name, v in recording.covariates.items() if name not in taken},
-            episode=episode,
-            metadata={**recording.metadata, "unit": "N", "readout": self._about(recording.pads)},
-        )
-
-    def earlier(self, recording: Recording, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the loads ``(T, loads)`` delayed by `delay`; the first and last load of an episode are held."""
-        return delayed(recording.time, recording.episode, values, self.delay) if self.delay else values
-
-    def _about(self, pads: tuple[str, ...]) -> dict[str, Any]:
-        return {
+        about = {
             "loads": {load.name: load.covariate for load in self.loads},
             "unit": self.unit,
-            "delay": self.delay,
-            "unused": [[pads[p], AXES[k], int(r), int(c)] for p, k, r, c in np.argwhere(~self.used)],
+            "delay": delay,
+            "unused": [[recording.pads[p], AXES[k], int(r), int(c)] for p, k, r, c in np.argwhere(~used)],
         }
+        return replace(
+            recording,
+            measured=measured,
+            simulated=simulated,
+            covariates={name: v for name, v in recording.covariates.items() if name not in taken},
+            layout=layout or recording.layout,
+            metadata={**recording.metadata, "unit": "N", "readout": about},
+        )
 
     def __repr__(self) -> str:
         """One-line summary."""

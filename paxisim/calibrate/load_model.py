@@ -119,7 +119,7 @@ def fit_load_model(recording: Recording, readout: LinearCalibration, *, kind: Ki
     linear, errors = _fit(readout, channels, values, values, block)
     target, delay = values, 0.0
     if readout.delay:
-        shifted = readout.earlier(recording, values)
+        shifted = readout.earlier(recording, values, readout.delay)
         aligned = _fit(readout, channels, shifted, values, block, readout.delay)
         if aligned[1].sum() < MAX_ALIGNED_SHARE * errors.sum():
             linear, errors = aligned

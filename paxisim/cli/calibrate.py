@@ -32,6 +32,7 @@ def calibrate(
     degree: int = 1,
     kind: Literal["best", "linear", "quadratic"] = "best",
     max_delay: float = 0.5,
+    total: bool = False,
     force: bool = False,
 ) -> None:
     """Calibrate a sensor that does not measure newtons against a load cell, or subtract the field of the robot from it.
@@ -67,10 +68,16 @@ def calibrate(
         kind: How the load depends on all channels: linear, quadratic (also on their products), or best: the one with
             the lower held-out error.
         max_delay: Largest delay between loads and channels to search, in seconds, in either direction.
+        total: Write a recording of the total force, from all channels together, as one taxel. Use it to diagnose a
+            magnetised skin: none of its channels measures a force.
         force: Overwrite the outputs if they exist.
     """
     output = _output(recording, loads, background) if output is None else output
     _check(recording, output, loads, background, covariates)
+    if total and (not loads or _is_model(output)):
+        raise InvalidValueError(
+            f"--total writes a recording of the total force: expected --loads and an output .mcap or .npz, got {output}"
+        )
     given = _loads(loads)
     pictures = [output.with_suffix(".png"), *([output.with_suffix(".residuals.png")] if loads else [])]
     check_output(output, force)
@@ -80,7 +87,7 @@ def calibrate(
     free = _read(background) if background is not None and covariates else None
     field = None if background is None else _background(background, free, covariates)
     if raw is not None and loads:
-        made = _newtons(raw, field, output, loads=given, degree=degree, kind=kind, max_delay=max_delay)
+        made = _newtons(raw, field, output, total, loads=given, degree=degree, kind=kind, max_delay=max_delay)
     else:
         assert field is not None
         made = _without_field(raw, free, field)
@@ -120,7 +127,7 @@ class _Made:
     pictures: dict[str, Callable[[], Figure]]
 
 
-def _newtons(raw: Recording, field: Background | None, output: Path, **options: Any) -> _Made:
+def _newtons(raw: Recording, field: Background | None, output: Path, total: bool, **options: Any) -> _Made:
     """Fit a calibration; the result is the calibration or the recording in newtons."""
     from paxisim.calibrate.calibration import calibrate_sensor
     from paxisim.viz.calibration import plot_calibration
@@ -128,7 +135,7 @@ def _newtons(raw: Recording, field: Background | None, output: Path, **options: 
 
     progress("fitting gains, delay and load")
     calibration = calibrate_sensor(raw, background=field, **options)
-    raw = raw if field is None else field.apply(raw)
+    given, raw = raw, raw if field is None else field.apply(raw)
     pictures: dict[str, Callable[[], Figure]] = {
         "the episodes, and how well the loads explain each channel": lambda: plot_calibration(calibration.readout, raw),
         "errors of the load": lambda: plot_residuals(calibration, raw),
@@ -136,7 +143,7 @@ def _newtons(raw: Recording, field: Background | None, output: Path, **options: 
     if _is_model(output):
         what = "the calibration, for the option --calibration of record and live"
         return _Made(calibration, what, str(calibration), pictures)
-    newtons = calibration.readout.apply(raw)
+    newtons = calibration.apply_total(given) if total else calibration.readout.apply(raw)
     what = f"{len(newtons)} samples in {len(list(newtons.episodes()))} episodes, in newtons"
     return _Made(newtons, what, str(calibration), pictures)
 
