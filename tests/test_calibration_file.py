@@ -155,6 +155,59 @@ def test_the_total_force_is_of_one_pad(calibration, recording) -> None:
     assert paxisim.calibrate_sensor(two, LOADS).total_force(two.measured[700]) is None
 
 
+def pressed_skin(creep: float) -> paxisim.Recording:
+    """Return a recording of an eFlesh skin from first principles, pressed for different times, in microtesla."""
+    time = np.arange(0, 90, 1 / 40)
+    rng = np.random.default_rng(0)
+    press = np.zeros_like(time)
+    for start in np.arange(1, 86, 4.5):
+        hold, peak = rng.uniform(0.2, 2.5), rng.uniform(1, 4)
+        press += peak * np.clip(np.minimum(time - start, start + hold + 0.6 - time) / 0.3, 0, 1)
+    shear = 0.3 * press * np.sin(2.1 * time)
+    skin = paxisim.MagneticSkin("eflesh")
+    rows, cols = skin.design.cells.shape[-2:]
+    force = np.zeros((len(time), 1, 3, rows, cols))
+    touched = (slice(None), 0, slice(None), slice(rows // 2 - 2, rows // 2 + 2), slice(cols // 2 - 2, cols // 2 + 2))
+    force[touched] = np.stack([shear, 0 * press, press], axis=1)[:, :, None, None] / 16
+    felt = paxisim.Chain([paxisim.augment.Creep((creep,), (1.0,))]).run(force, time)
+    loads = {"Fx": shear + rng.normal(0, 0.002, len(time)), "Fz": press + rng.normal(0, 0.002, len(time))}
+    return paxisim.Recording(time, skin.measure(felt, rng), covariates=loads, metadata={"unit": "uT"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("creep", "found"), [(0.2, ["creep"]), (0.0, [])])
+def test_the_total_force_of_a_skin_shows_what_its_calibration_misses(creep, found) -> None:
+    raw = pressed_skin(creep)
+    calibration = paxisim.calibrate_sensor(raw, {"Fx": "Fx", "Fz": "Fz"})
+    total = calibration.apply_total(raw)
+    assert (total.layout.rows, total.layout.cols, total.unit) == (1, 1, "N")
+    assert total.metadata["readout"]["unused"] == [["pad0", "y", 0, 0]]
+    np.testing.assert_allclose(
+        total.measured[700, 0, :, 0, 0], np.nan_to_num(calibration.total_force(raw.measured[700])[0])
+    )
+    # a shifted load, if the fit found a delay
+    np.testing.assert_allclose(total.simulated[:, 0, 2, 0, 0].max(), raw.covariates["Fz"].max(), rtol=0.01)
+    assert not total.measured[:, 0, 1].any()
+    diagnosis = paxisim.diagnose(total, ["creep", "hysteresis", "low_pass", "latency"])
+    assert [cause.name for cause in diagnosis.causes] == found
+
+
+def test_the_total_force_needs_one_pad_and_a_recording_as_output(calibration, recording, tmp_path, capsys) -> None:
+    two = replace(recording, measured=np.repeat(recording.measured, 2, axis=1), pads=(), layout=None)
+    with pytest.raises(InvalidValueError, match="expected one pad and a calibrated force, got 2 pads and the loads Fx"):
+        paxisim.calibrate_sensor(two, LOADS).apply_total(two)
+    raw = tmp_path / "raw.npz"
+    recording.save(raw)
+    command = ["calibrate", str(raw), "--loads", *NAMES, "--kind", "linear", "--total", "-o"]
+    assert main([*command, str(tmp_path / "sensor.json")]) == 2
+    assert "--total writes a recording of the total force: expected --loads and an output" in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "total.mcap")]) == 0
+    total = paxisim.Recording.load(tmp_path / "total.mcap")
+    assert total.measured.shape[1:] == (1, 3, 1, 1)
+    error = np.sqrt(np.mean((total.measured - total.simulated) ** 2, axis=(0, 1, 3, 4)))
+    assert error.max() < 0.3, "the load is read within the noise"
+
+
 def test_the_verb_writes_a_calibration_and_two_pictures_or_nothing(recording, tmp_path, capsys, monkeypatch) -> None:
     pytest.importorskip("matplotlib")
     warm = 25 + 0.01 * recording.time

@@ -116,7 +116,7 @@ class Calibration(DocumentFile):
         if recording.measured.shape[1] != 1 or not any(place is not None for place in places):
             raise InvalidValueError(
                 f"expected one pad and a calibrated force, got {recording.measured.shape[1]} pads and the loads "
-                f" {', '.join(load.name for load in self.model.loads)}"
+                f"{', '.join(load.name for load in self.model.loads)}"
             )
         measured = np.zeros((len(recording), 1, 3, 1, 1), dtype=np.float32)
         simulated = np.zeros_like(measured)
