@@ -36,10 +36,7 @@ SURROGATE = "surrogate "
 """Beginning of the sensor names of surrogates."""
 
 TRANSFER = "transfer"
-"""Beginning of the sensor names of stand-ins for a real robot, see `paxisim_insertion.transfer`.
-
-Alone, it is the name of earlier stand-ins (commit 1bec394), whose gains and kernels were within the ranges of GCS.
-"""
+"""Beginning of the sensor names of stand-ins for a real robot, see `paxisim_insertion.transfer`."""
 
 PADS, SURROGATES = f"{TRANSFER} pads", f"{TRANSFER} surrogates"
 """Sensor names for magnetic pads and for surrogates."""

@@ -16,7 +16,6 @@ from paxisim_insertion.results import (
     PADS,
     SURROGATE,
     SURROGATES,
-    TRANSFER,
     Result,
     file_of,
     interval_of,
@@ -32,7 +31,7 @@ from .paper import ABLATION_REAL, REAL, TABLE_2_REAL, TABLE_2_SIM, UNKNOWN
 RESULTS = Path(__file__).with_name("results")
 """Folder of the results that come with the package."""
 
-TRANSFERS = {PADS: "magnetic pads", SURROGATES: "surrogates", TRANSFER: "earlier stand-ins"}
+TRANSFERS = {PADS: "magnetic pads", SURROGATES: "surrogates"}
 """The stand-ins for a real robot, in words."""
 
 PAPER_TRIALS = {IN_SIMULATION: 50, **dict.fromkeys(TRANSFERS, 10)}
