@@ -35,7 +35,7 @@ MODULUS = 2.4e6  # Pa, of the gel: firm, so that a taxel reads ten counts of 0.1
 MOVE, REST = 0.5, 1.0  # s, duration of each move down or up, and pause between two presses
 # m and s: depth and hold time of each press; short and long holds distinguish creep from a gain
 PRESSES = ((1.2e-3, 2.5), (0.6e-3, 0.2), (1.6e-3, 0.2), (0.9e-3, 4.0), (1.4e-3, 1.0))
-SKIN_DEPTH = 0.2  # of these depths, for a magnetic skin: its layer is thin
+SKIN_THICKNESS = 0.01  # m, of a magnetic skin that would be pressed as deep; another is pressed in proportion
 ENDS = np.cumsum([2 * MOVE + hold + REST for _, hold in PRESSES])
 NOISE = 0.03  # N, standard deviation per taxel and reading
 LOAD_NOISE = 0.02  # N, of the force sensor in the wrist
@@ -131,7 +131,7 @@ class Arm:
         self.model = tactile.compile()
         self._readout = paxisim.TactileReadout(self.model, tactile.bind(self.model))
         self.data = mujoco.MjData(self.model)
-        self._scale = 1.0 if skin is None else SKIN_DEPTH
+        self._scale = 1.0 if skin is None else skin.design.layer.thickness / SKIN_THICKNESS
         self.data.qpos[:] = self.data.ctrl[:] = joint_angles(*tip(0.0))
         mujoco.mj_forward(self.model, self.data)
         self._sensor, self._skin = sensor, skin

@@ -264,6 +264,19 @@ def test_the_joints_of_a_simulated_arm_are_recorded_beside_its_sensor(tmp_path):
     assert np.corrcoef(np.clip(depth, 0, None), force)[0, 1] > 0.9
 
 
+def test_the_simulated_arm_wears_a_magnetic_skin():
+    arm = runpy.run_path(str(EXAMPLES / "simulated_arm.py"))
+    skin = paxisim.MagneticSkin("eflesh")
+    worn = arm["Arm"](skin.design.cells, paxisim.Chain(), skin)
+    assert worn.reading.shape == (1, 3, 1, 5)
+    at_rest = np.abs(worn.reading).max()
+    worn.run_until(1.0)  # the first press is held
+    assert 1 < worn.load[2] < 10
+    assert np.abs(worn.reading).max() > 10 * at_rest
+    worn.run_until(sum(arm["PRESSES"][0][1:]) + 2 * arm["MOVE"] + 0.5)
+    assert abs(worn.load[2]) < 0.1, "it is lifted again"
+
+
 @pytest.mark.slow
 def test_a_magnetic_unit_is_recorded_and_reads_what_no_simulation_says(printed):
     made = runpy.run_path(str(EXAMPLES / "reference_robot.py"))["recording"]
