@@ -1,7 +1,7 @@
 """Draws docs/images/report.png: the page that a diagnosis writes, as a browser shows it.
 
-A recording in which a delay and uneven taxels are hidden (tests/hidden) is diagnosed, all causes being looked for, and
-its report.html is opened in a headless Chromium; the upper and the lower half of the page stand side by side.
+The recording of `paxisim example recording` is diagnosed, and its report.html is opened in a headless Chromium, in a
+window narrow enough that its text can be read in a page. The picture is the head of the page.
 
     python docs/report_picture.py
 """
@@ -16,25 +16,19 @@ from pathlib import Path
 from PIL import Image
 
 import paxisim
+from paxisim.cli.example import example_recording
 from paxisim.viz.dark import light_and_dark, on_dark
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from browser import Browser, Page, find
-from hidden.cases import make
 
-CAUSES, SEED, STRENGTH = ("latency", "taxel_gain"), 6, 0.7
-WIDTH, GAP = 1120, 24  # pixels
+WIDTH, SCALE = 640, 2  # pixels of the page, and of the picture for each of them
 OUTPUT = Path(__file__).parent / "images" / "report.png"
 
 
 def main() -> None:
     """Diagnose, open the page, save the picture."""
-    case = make(CAUSES, seed=SEED, strength=STRENGTH)
-    layout = paxisim.TaxelLayout(*case.measured.shape[-2:], case.pitch)
-    recording = paxisim.Recording(
-        case.time, case.measured, case.simulated, case.covariates, case.episode, layout, ("left", "right")
-    )
-    found = paxisim.diagnose(recording)
+    found = paxisim.diagnose(example_recording())
     print(found)
     chrome = find()
     if chrome is None:
@@ -46,18 +40,13 @@ def main() -> None:
 
 
 def save(page: Page, path: Path) -> None:
-    """Save the two halves of a page side by side."""
-    shown = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    third = "document.querySelector('main').querySelectorAll('h2')[2]"
-    middle = int(page.value(f"{third}.getBoundingClientRect().top")) - 24
-    height = max(middle, shown.height - middle)
-    both = Image.new("RGB", (2 * WIDTH + GAP, height), shown.getpixel((0, 0)))
-    both.paste(shown.crop((0, 0, WIDTH, middle)), (0, 0))
-    both.paste(shown.crop((0, middle, WIDTH, shown.height)), (WIDTH + GAP, 0))
-    both = both.resize((both.width * 2 // 3, both.height * 2 // 3), Image.Resampling.LANCZOS)
-    few = both.quantize(128, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+    """Save the page down to its first heading after the title."""
+    shown = Image.open(io.BytesIO(page.screenshot(SCALE))).convert("RGB")
+    end = int(page.value("document.querySelector('main h2').getBoundingClientRect().top")) - 16
+    head = shown.crop((0, 0, shown.width, SCALE * end))
+    few = head.quantize(64, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
     few.save(path, optimize=True)
-    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+    print(f"{path}: {few.size}, {path.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ class TaxelLayout:
         normals: ``(N, 3)`` unit normals pointing **out of** the pad (pad frame). Default: ``(0, 0, -1)``.
         vendor_order: Permutation of ``range(N)``: the row-major index of each taxel, in the order of the vendor's flat
             readings. Default: row-major.
+        pitch_known: False if `pitch` is a stand-in, because a file states rows and columns only. Not compared.
 
     Raises:
         InvalidValueError: A count is below one, there are more than `MAX_TAXELS` taxels, the pitch is not positive,
@@ -53,6 +54,7 @@ class TaxelLayout:
     positions: NDArray[np.floating] = field(default=None)  # type: ignore[assignment]
     normals: NDArray[np.floating] = field(default=None)  # type: ignore[assignment]
     vendor_order: tuple[int, ...] | None = None
+    pitch_known: bool = True
 
     def __post_init__(self) -> None:
         """Check the fields and fill in the flat grid."""
@@ -92,6 +94,8 @@ class TaxelLayout:
             if sorted(order) != list(range(self.taxels)):
                 raise InvalidValueError(f"vendor_order must be a permutation of 0..{self.taxels - 1}")
             object.__setattr__(self, "vendor_order", order)
+        if not isinstance(self.pitch_known, bool):
+            raise InvalidValueError(f"pitch_known must be true or false, got {self.pitch_known!r}")
 
     def _grid_positions(self) -> NDArray[np.floating]:
         y = (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch[0]
@@ -114,7 +118,7 @@ class TaxelLayout:
         return points
 
     def __eq__(self, other: object) -> bool:
-        """Whether all fields are equal, arrays included."""
+        """Whether all fields but `pitch_known` are equal, arrays included."""
         if not isinstance(other, TaxelLayout):
             return NotImplemented
         mine = (self.rows, self.cols, self.pitch, self.vendor_order)
@@ -186,12 +190,13 @@ class TaxelLayout:
         out_rows, out_cols = self._pooled_shape(rows, cols)
         pitch = (self.pitch[0] * rows, self.pitch[1] * cols)
         if self.is_grid:
-            return TaxelLayout(out_rows, out_cols, pitch)
+            return TaxelLayout(out_rows, out_cols, pitch, pitch_known=self.pitch_known)
 
         def mean(points: NDArray[np.floating]) -> NDArray[np.floating]:
             return points.reshape(out_rows, rows, out_cols, cols, 3).mean(axis=(1, 3)).reshape(-1, 3)
 
-        return TaxelLayout(out_rows, out_cols, pitch, mean(self.positions), mean(self.normals))
+        places = mean(self.positions), mean(self.normals)
+        return TaxelLayout(out_rows, out_cols, pitch, *places, pitch_known=self.pitch_known)
 
     def subdivide(self, rows: int, cols: int) -> TaxelLayout:
         """Return the finer grid in which each taxel is a block of `rows` x `cols` taxels, the inverse of `pool`.
@@ -210,7 +215,8 @@ class TaxelLayout:
             raise InvalidValueError(f"cannot divide a taxel into {rows}x{cols} taxels")
         if not self.is_grid:
             raise InvalidValueError("only the taxels of a flat grid can be subdivided")
-        return TaxelLayout(self.rows * rows, self.cols * cols, (self.pitch[0] / rows, self.pitch[1] / cols))
+        pitch = (self.pitch[0] / rows, self.pitch[1] / cols)
+        return TaxelLayout(self.rows * rows, self.cols * cols, pitch, pitch_known=self.pitch_known)
 
     def pool_force(self, force: Any, rows: int, cols: int) -> Any:
         """Sum a reading over blocks of `rows` x `cols` taxels; the total force is conserved.
@@ -260,6 +266,8 @@ class TaxelLayout:
             document |= {"positions": self.positions.tolist(), "normals": self.normals.tolist()}
         if self.vendor_order is not None:
             document["vendor_order"] = list(self.vendor_order)
+        if not self.pitch_known:
+            document["pitch_known"] = False
         return document
 
     @classmethod

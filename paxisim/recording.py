@@ -33,7 +33,8 @@ class Recording:
         simulated: Simulated tensor of the same form, or None; at least one of the two is required.
         covariates: ``(T, ...)`` float64 arrays by name: gripper opening (m), temperature (degC), motor current (A) ...
         episode: ``(T,)`` int episode number of each sample; equal numbers are adjacent. Default: one episode, 0.
-        layout: Layout of the pads' taxels. Default: a grid of the tensors' rows and columns with a pitch of 1 mm.
+        layout: Layout of the pads' taxels. Default: a grid of the tensors' rows and columns, whose pitch is unknown
+            (`TaxelLayout.pitch_known`) and taken as 1 mm.
         pads: Names of the pads. Default: ``("pad0", "pad1", ...)``.
         metadata: Further JSON-compatible information: sensor, profile, versions; ``scene`` is the text of the scene's
             MJCF.
@@ -97,7 +98,8 @@ class Recording:
         pads, episodes = len(self.pads), len(self._starts())
         streams = [name for name in ("measured", "simulated") if getattr(self, name) is not None]
         parts = [
-            f"{pads} pad{'s' * (pads != 1)} of {self.layout.rows}x{self.layout.cols} taxels",
+            f"{pads} pad{'s' * (pads != 1)} of {self.layout.rows}x{self.layout.cols} taxels"
+            + " (pitch unknown)" * (not self.layout.pitch_known),
             f"{len(self)} sample{'s' * (len(self) != 1)}",
             f"{self.duration:.1f} s" + (f" at {self.rate:.1f} Hz" if np.isfinite(self.rate) else ""),
             f"{episodes} episode{'s' * (episodes != 1)}",

@@ -135,10 +135,10 @@ class Page:
                 found.append(about["request"]["url"])
         return found
 
-    def screenshot(self):
-        """Return PNG bytes of the whole page."""
+    def screenshot(self, scale=1):
+        """Return PNG bytes of the whole page, with `scale` pixels for each of its own."""
         size = self._browser.call("Page.getLayoutMetrics", self._session)["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": scale}
         answer = self._browser.call(
             "Page.captureScreenshot", self._session, format="png", captureBeyondViewport=True, clip=clip
         )

@@ -109,13 +109,21 @@ def test_the_navigation_has_every_page_and_the_pictures_exist():
         assert [name for name in plain if (page.parent / f"{name.removesuffix('.png')}-dark.png").is_file()] == [], page
 
 
+def test_github_reads_the_markdown_within_figures():
+    for page in TEXTS:
+        bare = re.search(r"<(figure|figcaption) markdown>(?!\n\n)", page.read_text(encoding="utf-8"))
+        assert bare is None, f"{page}: a blank line must follow {bare[0]}"
+
+
 def test_the_page_of_examples_shows_those_there_are():
     text = (DOCS / "examples.md").read_text(encoding="utf-8")
     shown = re.findall(r'^--8<-- "examples/(\w+\.py)"$', text, re.MULTILINE)
     assert len(shown) >= 7
     assert all((ROOT / "examples" / name).is_file() for name in shown)
     named = set(re.findall(r"`(\w+\.(?:py|ipynb))`", text))
-    assert named == {path.name for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb")}
+    there = {path.name for path in (ROOT / "examples").iterdir() if path.suffix in (".py", ".ipynb")}
+    assert named == there
+    assert set(re.findall(r'class="on-github" href="\.\./examples/([\w.]+)"', text)) == there, "for GitHub"
 
 
 def test_the_page_on_the_architecture_names_every_part():

@@ -102,7 +102,7 @@ def test_what_does_not_fit_is_named(fields, words):
 def test_description():
     recording = Recording(time=TIME, measured=FORCE, simulated=FORCE, covariates={"opening": TIME})
     assert repr(recording) == (
-        "Recording(2 pads of 2x3 taxels, 5 samples, 0.4 s at 10.0 Hz, 1 episode, measured, simulated, "
+        "Recording(2 pads of 2x3 taxels (pitch unknown), 5 samples, 0.4 s at 10.0 Hz, 1 episode, measured, simulated, "
         "covariates opening)"
     )
     assert "1 sample, 0.0 s, 1 episode, simulated" in repr(Recording(time=[1], simulated=FORCE[:1]))

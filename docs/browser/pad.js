@@ -65,23 +65,28 @@
     return read;
   }
 
+  // taxels at rest and at full force, arrows, and the rim of the ball, on light and on dark pages
+  const LIGHT = {rest: [240, 240, 236], full: [195, 0, 31], arrow: "#0b7a34", ball: "#555"};
+  const DARK = {rest: [56, 51, 51], full: [255, 96, 84], arrow: "#57d364", ball: "#ccc"};
+
   /** Draw a pad: red is normal force, arrows are shear; `full` is the force (N) of full red. */
   function draw(canvas, force, full, ball) {
+    const colors = document.body.dataset.mdColorScheme === "slate" ? DARK : LIGHT;
     const pen = canvas.getContext("2d"), size = canvas.width / PAD.cols;
     const high = (size * PAD.pitch[0]) / PAD.pitch[1], scale = canvas.width / (PAD.cols * PAD.pitch[1]);
     canvas.height = Math.round(high * PAD.rows);
     const corner = (i) => [(i % PAD.cols) * size, Math.floor(i / PAD.cols) * high];
     for (let i = 0; i < N; i++) {
       const [left, top] = corner(i), share = Math.max(0, Math.min(1, force[2][i] / full));
-      pen.fillStyle = `rgb(${240 - 45 * share}, ${240 - 240 * share}, ${236 - 205 * share})`;
+      pen.fillStyle = `rgb(${colors.rest.map((at, k) => at + (colors.full[k] - at) * share)})`;
       pen.fillRect(left + 1, top + 1, size - 2, high - 2);
     }
     for (let i = 0; i < N; i++) {
       const [left, top] = corner(i), [u, v] = [0, 1].map((axis) => (force[axis][i] / full) * 2 * size);
-      if (Math.hypot(u, v) > 1.5) arrow(pen, left + size / 2, top + high / 2, u, v);
+      if (Math.hypot(u, v) > 1.5) arrow(pen, left + size / 2, top + high / 2, u, v, colors.arrow);
     }
     if (!ball) return;
-    pen.strokeStyle = "#555";
+    pen.strokeStyle = colors.ball;
     pen.setLineDash([4, 4]);
     pen.beginPath();
     pen.arc(canvas.width / 2 + ball[0] * scale, canvas.height / 2 + ball[1] * scale, 0.4 * RADIUS * scale, 0, 7);
@@ -89,9 +94,9 @@
     pen.setLineDash([]);
   }
 
-  function arrow(pen, x, y, u, v) {
+  function arrow(pen, x, y, u, v, color) {
     const length = Math.hypot(u, v), head = Math.min(9, length / 2);
-    pen.strokeStyle = pen.fillStyle = "#0b7a34";
+    pen.strokeStyle = pen.fillStyle = color;
     pen.lineWidth = 2.5;
     pen.beginPath();
     pen.moveTo(x, y);
@@ -153,13 +158,14 @@
   window.addEventListener("load", async () => {
     const app = document.querySelector(".pad-app"), note = app.querySelector(".note");
     if (typeof loadMujoco === "undefined") {
-      note.textContent = "This build of the site lacks MuJoCo's module: run python docs/browser/make.py and build again.";
+      note.textContent = "This build of the site lacks MuJoCo's module: run python docs/browser/make.py and build the site again.";
       return;
     }
     mujoco = await loadMujoco();
     buffer = new mujoco.DoubleBuffer(6);
     load("flat");
     note.textContent = `MuJoCo ${mujoco.mj_versionString()}, in this page. Drag on the left pad to move the ball.`;
+    app.classList.add("ready"); // until then only the note shows
     start(app);
     window.padApp = {load, press, read, sensor, order: ORDER};
   });

@@ -147,7 +147,7 @@ class GCS:
                 through the host.
             batch_shape: Leading batch dimensions; each element gets its own parameters.
             layout: Layout of the pads' taxels.
-            pads: Number of pads.
+            pads: Number of pads, ``len(pads)`` of those on your gripper.
 
         Returns:
             Chain of those of ``poisson`` (or ``gel_operator``), ``axis_gain`` (or ``pad_axis_gain``) and ``taxel_gain``
@@ -207,18 +207,18 @@ class GCS:
         pads: int = 2,
         **fixed: Any,
     ) -> Any:
-        """Draw G: the thickness of the taxel cubes, for ``paxisim.set_surface``.
+        """Draw G: the heights of the taxels' cubes, for ``paxisim.set_surface``.
 
         Args:
             rng: As for `sample`.
             batch_shape: Leading batch dimensions; each element gets its own surface for each pad.
             layout: Layout of the pads' taxels.
-            pads: Number of pads.
+            pads: Number of pads, ``len(pads)`` of those on your gripper.
             **fixed: Fields of `paxisim.GaussianBump` to fix, e.g. ``h_max=1.2e-3``.
 
         Returns:
-            ``(*batch, pads, rows, cols)`` thickness (m), an array; with torch, a tensor on the generator's device. If
-            geometry is switched off, it is flat, at the mean of ``h_min`` and ``h_max``.
+            ``(*batch, pads, rows, cols)`` heights (m), an array; with torch, a tensor on the generator's device. If
+            geometry is switched off, they are flat, at the mean of ``h_min`` and ``h_max``.
         """
         shape = (*batch_shape, pads, 2)
         share, deviation = uniform(rng, shape, (0.0, 1.0)), uniform(rng, shape, self.ranges.deviation)

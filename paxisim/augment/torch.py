@@ -95,7 +95,8 @@ class Randomised(nn.Module):
         """Transform ``(*batch, pads, 3, rows, cols)`` newtons; the result has the same shape, dtype and device.
 
         Raises:
-            InvalidValueError: As for a call of the chain.
+            InvalidValueError: As for a call of the chain; or the batch is not that of the kept parameters. Dimensions
+                before it, such as time, are allowed.
         """
         if not self.training and self.at_eval == "identity":
             return x
@@ -107,7 +108,18 @@ class Randomised(nn.Module):
         if self._kept is None:  # in eval mode one draw for all, so that the size of a batch does not matter
             self._kept = self.draw(tuple(x.shape[:-4]) if self.training else (), x.device)
             self._drawn_in_eval = not self.training
+        self._check_batch(tuple(x.shape[:-4]))
         return self._kept
+
+    def _check_batch(self, given: tuple[int, ...]) -> None:
+        """Refuse a batch that the kept parameters would widen, or do not fit."""
+        kept = _batch_shape(self._kept) if self._kept is not None else ()
+        if given[max(0, len(given) - len(kept)) :] != kept:
+            what = f"{_count(given)} given" if given else "1 frame without a batch given"
+            raise InvalidValueError(
+                f"{type(self).__name__}: {_count(kept)} kept episodes, {what}: pass a batch of {_count(kept)}, call "
+                "resample() to draw new parameters, or make a new module"
+            )
 
     def train(self, mode: bool = True) -> Any:
         """Set training or eval mode; parameters that were drawn in eval mode are dropped for training."""
@@ -249,6 +261,21 @@ def _values(chain: chains.Chain) -> dict[str, Any]:
     """Return the parameters by "member.parameter"."""
     pairs = zip(chain.names, chain.members, strict=True)
     return {f"{name}.{p}": getattr(member, p) for name, member in pairs for p in parameters(member)}
+
+
+def _batch_shape(chain: chains.Chain) -> tuple[int, ...]:
+    """Return the batch dimensions of the parameters; all that were drawn have the same."""
+    found: tuple[int, ...] = ()
+    for member in chain.members:
+        for name, about in parameters(member).items():
+            value = getattr(member, name)
+            if isinstance(value, Tensor) and value.ndim - len(about.core) > len(found):
+                found = tuple(value.shape[: value.ndim - len(about.core)])
+    return found
+
+
+def _count(batch: tuple[int, ...]) -> str:
+    return str(batch[0] if len(batch) == 1 else batch)
 
 
 def _tensors(chain: chains.Chain) -> dict[str, Tensor]:

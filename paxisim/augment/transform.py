@@ -103,7 +103,8 @@ class Transform:
             covariates: Values by name, each of the batch's shape or broadcastable to it.
 
         Returns:
-            Array with the same shape, array library and dtype.
+            Array with the same array library, dtype and shape; if `x` is one frame and the parameters have a batch,
+            one frame for each of them, ``(*batch, pads, 3, rows, cols)``.
 
         Raises:
             InvalidValueError: The shape is wrong, the values are integers, a parameter does not fit, a covariate is
@@ -224,7 +225,7 @@ class Transform:
         if not _fits(lifted.shape, x.shape):
             raise InvalidValueError(
                 f"{self.name}: {name} of shape {tuple(np.shape(getattr(self, name)))} does not fit a tensor of "
-                f"shape {tuple(x.shape)}"
+                f"shape {tuple(x.shape)}{_of_other_pads(about.core, lifted.shape, tuple(x.shape))}"
             )
         return lifted
 
@@ -315,6 +316,14 @@ def keep(x: Any) -> Any:
 def _widen(x: Any, ndim: int) -> Any:
     """Insert dimensions of length 1 after the first dimension of `x`, up to `ndim` dimensions in all."""
     return x.reshape((x.shape[0], *[1] * (ndim - x.ndim), *x.shape[1:]))
+
+
+def _of_other_pads(core: str, ours: tuple[int, ...], theirs: tuple[int, ...]) -> str:
+    """Return what to do about a lifted parameter that fits a tensor but for the number of pads."""
+    if "p" not in core or ours[-4] in (1, theirs[-4]) or not _fits(ours[-3:], theirs[-3:]):
+        return ""
+    pads = f"{ours[-4]} pad{'s' * (ours[-4] != 1)}"
+    return f": it was drawn for {pads} and the tensor has {theirs[-4]}; draw it with pads={theirs[-4]}"
 
 
 def _fits(ours: tuple[int, ...], theirs: tuple[int, ...]) -> bool:

@@ -7,6 +7,7 @@ import functools
 import io
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Union
@@ -114,6 +115,14 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
     except SystemExit as stop:
         return _complain(stop.code) if isinstance(stop.code, str) else int(stop.code or 0)
+    except Exception as error:
+        if not _is_of_opengl(error):
+            raise
+        said, chosen = " ".join(str(error).split()), os.environ.get("MUJOCO_GL", "")
+        return _complain(
+            f"MuJoCo cannot be loaded with MUJOCO_GL={chosen} ({said}): without a display set MUJOCO_GL=egl, which "
+            "needs PyOpenGL and the system's EGL; unset it if nothing is rendered"
+        )
     return 0
 
 
@@ -188,6 +197,14 @@ def _group(
     pick.__annotations__["verb"] = Union[choices]  # noqa: UP007
     pick.__doc__ = description
     return pick
+
+
+def _is_of_opengl(error: Exception) -> bool:
+    """Whether the import of MuJoCo failed, which it does if the OpenGL that MUJOCO_GL names is not there."""
+    frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+    return "MUJOCO_GL" in os.environ and any(
+        frame.f_code.co_name == "<module>" and frame.f_globals.get("__name__") == "mujoco" for frame in frames
+    )
 
 
 def _complain(message: str) -> int:

@@ -13,7 +13,7 @@ from paxisim.cli.output import TERMINAL_COLUMNS, check_folder, check_output, pro
 if TYPE_CHECKING:
     from paxisim.recording import Recording
 
-_SUFFIXES = (".parquet", ".npz", ".mcap")
+_SUFFIXES = (".parquet", ".npz", ".mcap", ".csv")
 
 
 def convert(
@@ -37,11 +37,11 @@ def convert(
     action: tuple[str, ...] = (),
     force: bool = False,
 ) -> None:
-    """Convert a recording to Parquet, npz or MCAP, or to a LeRobotDataset.
+    """Convert a recording to Parquet, CSV, npz or MCAP, or to a LeRobotDataset.
 
     The suffix of the output file selects the format. Streams with their own clock are interpolated between their
-    samples, never extrapolated. Parquet stores one column per value: tactile.PAD.ROW_COL.AXIS, timestamp, frame_index,
-    episode_index and so on.
+    samples, never extrapolated. Parquet and CSV store one column per value: tactile.PAD.ROW_COL.AXIS, timestamp,
+    frame_index, episode_index and so on.
 
     For example:
 
@@ -54,7 +54,7 @@ def convert(
     Args:
         recording: Recording: .mcap, .npz, .parquet, .csv, .txt (AnySkin) or .hdf5 (robosuite, robomimic, ACT).
             Or a bag of ROS (.bag, .db3, .mcap or folder), or the folder of a LeRobotDataset (v3).
-        output: Output file: .parquet, .npz or .mcap.
+        output: Output file: .parquet, .csv, .npz or .mcap.
         align: Interpolation of streams with their own clock.
         missing: What to do with unknown values: write NaN, or drop the sample.
             In a LeRobotDataset, a dropped frame ends the episode.
@@ -141,7 +141,7 @@ def _check_file(output: Path, force: bool, not_for_it: list[str]) -> None:
     if not_for_it:
         raise InvalidValueError(f"--{not_for_it[0]} is for a LeRobotDataset, give --lerobot DIR; {output} is a file")
     if output.suffix.lower() not in _SUFFIXES:
-        raise InvalidValueError(f"the output must end in .parquet, .npz or .mcap, got {output}")
+        raise InvalidValueError(f"the output must end in .parquet, .csv, .npz or .mcap, got {output}")
     check_output(output, force)
     if output.suffix.lower() == ".parquet":
         from paxisim.logs.parquet import require_pyarrow
@@ -163,5 +163,9 @@ def _write_file(output: Path, recording: Recording) -> None:
         from paxisim.logs.parquet import write_parquet
 
         write_parquet(output, recording.to_arrays())
+    elif output.suffix.lower() == ".csv":
+        from paxisim.logs.csv_writer import write_csv
+
+        write_csv(output, recording.to_arrays())
     else:
         recording.save(output)

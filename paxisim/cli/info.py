@@ -81,9 +81,10 @@ def _about(log: Log) -> list[str]:
     pads = metadata.pop("pads", None)
     if layout:
         row, col = (1e3 * pitch for pitch in layout["pitch"])
-        lines.append(
-            f"pads: {', '.join(pads or ())} of {layout['rows']}x{layout['cols']} taxels, {row:.3g}x{col:.3g} mm"
-        )
+        pitch = f"{row:.3g}x{col:.3g} mm"
+        if not layout.get("pitch_known", True):
+            pitch = f"pitch unknown, drawn as {pitch}; state it with Recording.load(..., layout=...)"
+        lines.append(f"pads: {', '.join(pads or ())} of {layout['rows']}x{layout['cols']} taxels, {pitch}")
     start = min((stream.nanoseconds[0] for stream in log.streams.values()), default=0)
     if start >= _EARLIEST:
         lines.append(f"start: {datetime.fromtimestamp(start * 1e-9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC")

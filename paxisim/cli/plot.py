@@ -45,7 +45,7 @@ def plot(
     output = named_after(recording, ".gif") if output is None else output
     is_picture = output.suffix.lower() == PICTURE
     if not is_picture:
-        check_film(output)
+        check_film(output, PICTURE)
     check_output(output, force)
     progress(f"reading {recording}")
     loaded = Recording.load(recording)

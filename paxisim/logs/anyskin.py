@@ -60,7 +60,7 @@ def read_anyskin(path: Path, rate: float | None = None) -> RecordingArrays:
     return RecordingArrays(
         seconds,
         np.moveaxis(rows.reshape(-1, count, 3), 1, 2)[:, None, :, None].astype(np.float32),
-        layout=TaxelLayout(1, count, (1e-2, 1e-2)),
+        layout=TaxelLayout(1, count, (1e-2, 1e-2), pitch_known=False),
         pads=("anyskin",),
         metadata={
             "source": path.name,

@@ -94,7 +94,7 @@ def _tensor(name: str, value: Any, samples: int) -> NDArray[np.float32]:
 def _layout(layout: Any, shape: tuple[int, ...]) -> TaxelLayout:
     rows, cols = shape[-2:]
     if layout is None:
-        return TaxelLayout(rows, cols, (1e-3, 1e-3))
+        return TaxelLayout(rows, cols, (1e-3, 1e-3), pitch_known=False)
     if not isinstance(layout, TaxelLayout):
         raise InvalidValueError(f"layout must be a TaxelLayout, got {type(layout).__name__}")
     if (rows, cols) != (layout.rows, layout.cols):

@@ -10,7 +10,8 @@ board: signed for x and y, unsigned for z. An empty cell is unknown and becomes 
 - **paxini-sdk, "native"**: an optional first line ``# {JSON}`` describes firmware and modules. The columns are
   ``timestamp_iso`` (local time), ``timestamp_monotonic_s`` (s), ``PAD_ptNNN_fx_lsb`` (and fy, fz), and
   ``PAD_resultant_fx_lsb``. Pads have names such as ``index_tip``.
-- **Plain**: newtons, with the columns of `paxisim.logs.columns`.
+- **Plain**: newtons, with the columns of `paxisim.logs.columns`. `csv_writer` adds a first line ``# {JSON}`` with all
+  that columns cannot hold: layout, pads, unit, metadata and the shapes of covariates.
 
 The resultants become the covariate ``resultant``, ``(T, pads, 3)`` newtons.
 """
@@ -29,8 +30,9 @@ from numpy.typing import NDArray
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.logs.about import covariate_shapes, read_about
 from paxisim.logs.clock import local_zone
-from paxisim.logs.columns import from_columns
+from paxisim.logs.columns import from_columns, take_covariates
 from paxisim.logs.csv_table import CsvTable, clipped
 from paxisim.logs.recording_arrays import CountsToForce, RecordingArrays
 
@@ -77,7 +79,7 @@ def read_csv(
         (_is_of_host, _host_column, _time_of_day),
         (lambda table: "timestamp_monotonic_s" in table.names, _native_column, _seconds),
     ):
-        if is_of(table):
+        if is_of(table) and not table.is_ours:
             if table.last_may_be_cut and len(table.lines) > 1:
                 table.lines.pop()  # recorders end each row with a newline, so the last number may be truncated
                 table.is_cut = True
@@ -89,10 +91,15 @@ def read_csv(
     if profile is not None:
         raise InvalidValueError(f"profile is for the counts of a board's file; {path} is a plain table of newtons")
     columns = table.columns()
+    known = take_covariates(columns, covariate_shapes(table.comment)) if table.is_ours else {}
     try:
         found = from_columns(columns)
     except InvalidValueError as error:
         raise InvalidValueError(f"{path}: {error}") from error
+    if table.is_ours:
+        about = read_about(path, table.comment)
+        about["layout"] = layout or about["layout"]
+        return replace(found, **about, covariates={**found.covariates, **known}), table.is_cut
     return replace(found, layout=layout, metadata=table.comment), table.is_cut
 
 
@@ -140,7 +147,7 @@ class _Board:
                 raise InvalidValueError("give layout or profile, not both: a profile defines the layout")
             layout, force = profile.layout, _to_force(values, profile)
         else:
-            layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3))
+            layout = layout or TaxelLayout(1, taxels, (1e-3, 1e-3), pitch_known=False)
             if layout.taxels != taxels:
                 raise InvalidValueError(f"the pads of {self.path} have {taxels} taxels, layout has {layout.taxels}")
             force = layout.from_flat(

@@ -1,8 +1,9 @@
 """CsvTable: the text of a CSV file as named columns of numbers.
 
 Columns are separated by commas, semicolons or tabs, whichever gives the header most columns; with semicolons, a comma
-in a number is its decimal point. A first line ``# {JSON}`` is a comment, and a line above the header, such as one of
-sizes, is skipped. An empty cell is unknown and becomes NaN. `paxisim.logs.clock` says how the time is read.
+in a number is its decimal point. A first line ``# {JSON}`` is a comment; paxisim's own says what columns cannot. A
+line above the header, such as one of sizes, is skipped. An empty cell is unknown and becomes NaN.
+`paxisim.logs.clock` says how the time is read.
 """
 
 from __future__ import annotations
@@ -27,23 +28,13 @@ _DELIMITERS = ",;\t"
 _LONGEST = 24  # characters of a cell that a message repeats; a file of another kind may hold anything
 
 
-def read_csv_columns(path: Path) -> tuple[dict[str, NDArray[np.float64]], bool]:
-    """Return the columns of a plain table by name, and whether an incomplete last row was skipped.
-
-    Raises:
-        InvalidValueError: The file is not a table of numbers, or a row is malformed; the message has its line.
-        FileNotFoundError: The file does not exist.
-    """
-    table = CsvTable(path)
-    return table.columns(), table.is_cut
-
-
 class CsvTable:
     """Text of a CSV file, split into lines.
 
     Attributes:
         path: The file.
         comment: Contents of an optional first line ``# {JSON}``.
+        is_ours: Whether paxisim wrote the file, so that times are in seconds and names are exact.
         names: Column names.
         lines: The non-empty rows; the last one has a value for every column.
         first_row: Line number of the first row.
@@ -80,10 +71,14 @@ class CsvTable:
                 self.comment = {"comment": said}
         if not lines:
             raise InvalidValueError(f"{path} is empty")
+        self.is_ours = self.comment.get("format") == schemas.FORMAT
         if not _has_time(lines[0]) and len(lines) > 1 and _has_time(lines[1]):
             lines.pop(0)
             self.first_row += 1
         self._delimiter, self.names = _header(lines[0])
+        exact = next(csv.reader([lines[0]]))
+        if self.is_ours and "time" in exact:  # otherwise another program has saved it again
+            self._delimiter, self.names = ",", exact
         self.lines = lines[1:]
         if self._delimiter == ";":
             self.lines = [line.replace(",", ".") for line in self.lines]
@@ -98,6 +93,9 @@ class CsvTable:
         if self.lines and len(next(self._cells(self.lines[-1:]))) < len(self.names):
             self.lines.pop()  # it ends in the middle of a row
             last_may_be_cut = False
+            self.is_cut = True
+        elif self.is_ours and last_may_be_cut and len(self.lines) > 1:
+            self.lines.pop()  # the last number may be truncated
             self.is_cut = True
         self.last_may_be_cut = last_may_be_cut
         if not self.lines:
@@ -126,20 +124,20 @@ class CsvTable:
                 the times cannot be told.
         """
         times = time_columns(self.path, self.names)
-        first = next(self.rows())
-        dates = [name for name, text in zip(self.names, first, strict=True) if unix_time(text) is not None]
+        first = [] if self.is_ours else next(self.rows())
+        dates = [name for name, text in zip(self.names, first, strict=False) if unix_time(text) is not None]
         plain = [name for name in self.names if name not in dates]
         dates = [name for name in dates if name in times]  # a second clock is left out
         values = self.numbers(plain)
         found = {name: self._dates(name) for name in dates} | dict(zip(plain, values.T, strict=True))
-        found = timed(self.path, found)
+        found = found if self.is_ours else timed(self.path, found)
         for name in ("time", "timestamp"):
             if name in found:
                 self.check_times(found[name][:, None], name)
         self.check(
             values, plain, _GREATEST, "a number must be finite and below 3.4e38 (leave the cell empty if unknown)"
         )
-        return put_in_order(self.path, found)
+        return found if self.is_ours else put_in_order(self.path, found)
 
     def check_times(self, times: NDArray[np.float64], name: str) -> None:
         """Raise an error if a time (s) is too large; NaN passes."""

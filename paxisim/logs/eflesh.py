@@ -90,7 +90,7 @@ def read_eflesh(
             raise InvalidValueError(f"{states}: the load cell has no readings")
         streams[schemas.COVARIATE + "load"] = Stream(at[pressed], robot[pressed, 4] * NEWTONS)
         max_gap = MAX_GAP if max_gap is None else max_gap
-    layout = TaxelLayout(1, magnetometers, (1e-2, 1e-2)).to_dict()
+    layout = TaxelLayout(1, magnetometers, (1e-2, 1e-2), pitch_known=False).to_dict()
     about = {"source": path.name, "sensor": "eflesh", "unit": "uT", "layout": layout, "pads": ("eflesh",)}
     return resample_log(Log(streams, about), align, max_gap)
 

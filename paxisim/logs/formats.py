@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from paxisim.errors import InvalidValueError
 from paxisim.layout import TaxelLayout
 from paxisim.logs import schemas
+from paxisim.logs.about import covariate_shapes
 from paxisim.logs.add_streams import Streams, streams_of_table
 from paxisim.logs.clock import put_in_order, timed
-from paxisim.logs.columns import from_columns, streams_from_columns
+from paxisim.logs.columns import from_columns, streams_from_columns, take_covariates
 from paxisim.logs.recording_arrays import CountsToForce, Method, RecordingArrays
 
 if TYPE_CHECKING:
@@ -137,12 +138,16 @@ def _read_csv(path: Path, options: Options) -> RecordingArrays:
 
 
 def _csv_streams(path: Path) -> Streams:
-    from paxisim.logs.csv_table import read_csv_columns
+    from paxisim.logs.csv_table import CsvTable
 
-    columns, is_cut = read_csv_columns(path)
-    if is_cut:
+    csv = CsvTable(path)
+    columns = csv.columns()
+    if csv.is_cut:
         warnings.warn(f"{path} is cut off: its last line is incomplete and was skipped", stacklevel=4)
-    return streams_of_table(path, _table(path, columns), restarts="time" not in columns)
+    known = take_covariates(columns, covariate_shapes(csv.comment)) if csv.is_ours else {}
+    table = _table(path, columns)
+    table = replace(table, covariates={**table.covariates, **known})
+    return streams_of_table(path, table, restarts="time" not in columns)
 
 
 def _read_npz(path: Path, options: Options) -> RecordingArrays:

@@ -21,7 +21,7 @@ from paxisim.logs.mcap_records import DAMAGE, McapRecords, as_stream
 from paxisim.logs.stream import Log, Stream
 
 _CODES = {np.float32: "f", np.float64: "d", np.int64: "q"}
-_LAYOUT = ("rows", "cols", "pitch", "positions", "normals")
+_LAYOUT = ("rows", "cols", "pitch", "pitch_known", "positions", "normals")
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; the data follow
 
 

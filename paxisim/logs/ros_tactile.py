@@ -206,7 +206,7 @@ def _joined(
     tensors: list[NDArray[np.float32]] = [
         resample(part.stream, at, "linear", max_gap).astype(np.float32, copy=False) for part in parts
     ]
-    layout = first.layout or TaxelLayout(shape[3], shape[4], (1e-2, 1e-2))
+    layout = first.layout or TaxelLayout(shape[3], shape[4], (1e-2, 1e-2), pitch_known=False)
     about = {
         "source": found.path.name,
         "layout": layout.to_dict(),

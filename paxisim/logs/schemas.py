@@ -91,6 +91,7 @@ LAYOUT = _message(
     rows={**_INTEGER, "description": "rows of taxels, along y of the pad frame"},
     cols={**_INTEGER, "description": "columns of taxels, along x of the pad frame"},
     pitch=_array(_NUMBER, "distance of the rows and of the columns (m)"),
+    pitch_known={"type": "boolean", "description": "false if the pitch is a stand-in; missing if it is known"},
     positions=_array(_array(_NUMBER, "x y z"), "places of the taxels in the pad frame (m); missing for a flat grid"),
     normals=_array(_array(_NUMBER, "x y z"), "directions into the pad at the taxels; missing for a flat grid"),
 )

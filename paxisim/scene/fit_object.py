@@ -100,14 +100,19 @@ def fit_object(recording: Recording, opening: str, *, unit: str = "m", modulus: 
 
     Raises:
         UnknownNameError: There is no such covariate or unit.
-        InvalidValueError: The recording has no measured forces in newtons, not two pads with a flat grid, or no grasp
-            in which both pads are loaded; or the opening is not a distance between two pads.
+        InvalidValueError: The recording has no measured forces in newtons, not two pads with a flat grid of known
+            pitch, or no grasp in which both pads are loaded; or the opening is not a distance between two pads.
     """
     if recording.measured is None or recording.unit != "N":
         raise InvalidValueError("fitting an object needs measured forces in newtons")
     if len(recording.pads) != 2 or not recording.layout.is_grid:
         raise InvalidValueError(
             f"fitting an object needs two opposite pads with a flat grid of taxels, got {len(recording.pads)} pads"
+        )
+    if not recording.layout.pitch_known:
+        raise InvalidValueError(
+            "fitting an object needs the pitch of the taxels, which this recording does not state: load it with "
+            "layout, such as that of paxisim.sensor(NAME)"
         )
     if opening not in recording.covariates:
         raise UnknownNameError("covariate", opening, recording.covariates)

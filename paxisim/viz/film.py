@@ -32,15 +32,21 @@ _CRF = "24"  # quality of an MP4: 18 is visually lossless, 28 is coarse
 _COLORS = 96  # of a GIF, whose size grows with them
 
 
-def check_film(path: Path) -> None:
+def check_film(path: Path, *others: str) -> None:
     """Check before any work that a film can be written.
+
+    Args:
+        path: The film.
+        *others: Suffixes that the caller takes besides, for the message.
 
     Raises:
         InvalidValueError: The suffix is of no film.
         MissingExtraError: A package for it is not installed.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise InvalidValueError(f"a film must end in {', '.join(SUFFIXES)}, got {path}")
+        *first, last = SUFFIXES
+        picture = f"; a picture of its strongest moment in {' or '.join(others)}" if others else ""
+        raise InvalidValueError(f"a film must end in {', '.join(first)} or {last}{picture}, got {path}")
     try:
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401

@@ -5,7 +5,7 @@ import pytest
 from forces import needs_torch, torch
 from scipy import stats
 
-from paxisim import GCS, GaussianBump, TaxelLayout, sensor
+from paxisim import GCS, GaussianBump, InvalidValueError, TaxelLayout, sensor
 from paxisim.augment import AxisGain, GelOperator, Poisson, TaxelGain
 from paxisim.augment.gcs import PAPER_LAYOUT, Ranges
 
@@ -42,6 +42,17 @@ def test_the_ranges_are_those_of_table_i():
     ranges = Ranges()
     assert (ranges.axis_gain, ranges.convolution, ranges.deviation) == ((0.5, 1.5), (0.1, 0.3), (1.0, 3.0))
     assert (ranges.taxel_gain, ranges.dropout, ranges.offset) == ((1.0, 0.25), 0.2, 0.0)
+
+
+@pytest.mark.parametrize("pads", [1, 4])
+def test_a_chain_for_another_number_of_pads_says_so(pads):
+    x = np.ones((pads, 3, 6, 5), np.float32)
+    words = rf"TaxelGain: .*: it was drawn for 2 pads and the tensor has {pads}; draw it with pads={pads}$"
+    with pytest.raises(InvalidValueError, match=words):
+        GCS().sample(np.random.default_rng(0))(x)
+    assert GCS().sample(np.random.default_rng(0), pads=pads)(x).shape == x.shape
+    with pytest.raises(InvalidValueError, match=r"does not fit a tensor of shape \(2, 3, 4, 4\)$"):
+        TaxelGain(np.ones((2, 6, 5)))(np.ones((2, 3, 4, 4)))
 
 
 def test_axis_gains_and_convolution_are_uniform_and_independent(rng):

@@ -65,6 +65,19 @@ def test_episodes_keep_their_parameters_until_resampled(build):
         module.resample(MASK[:3])
 
 
+def test_kept_parameters_refuse_another_batch(build):
+    module = build(per="episode")
+    y = module(X)
+    assert torch.equal(module(torch.stack([X, X]))[1], y), "a sequence of the batch"
+    for x, words in ((X[0], "6 kept episodes, 1 frame without a batch given: pass a batch of 6"), (X[:3], "3 given")):
+        with pytest.raises(InvalidValueError, match=words):
+            module(x)
+    module.resample()
+    assert module(X[:3]).shape == X[:3].shape
+    module.resample()
+    assert module(X[0]).shape == X[0].shape
+
+
 def test_eval():
     assert modules.GCS().eval()(X) is X
     assert chain_module(at_eval="identity").eval()(X) is X

@@ -55,7 +55,7 @@ BAD = {
         ("example gripper -o gripper.xml", "gripper.xml exists"),
         ("info none.mcap", NO_FILE),
         ("info text.mcap", "text.mcap"),
-        ("convert a.mcap a.h5", "must end in .parquet, .npz or .mcap"),
+        ("convert a.mcap a.h5", "must end in .parquet, .csv, .npz or .mcap"),
         ("convert a.mcap a.mcap", "exists"),
         ("convert a.mcap no/b.npz", "folder does not exist"),
         ("convert a.mcap", "expected one of the two, got neither"),

@@ -34,6 +34,15 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_an_opengl_that_is_not_there_is_one_line():
+    command = [sys.executable, "-m", "paxisim", "attach", "gripper.xml", *GRID]
+    done = subprocess.run(command, env={**os.environ, "MUJOCO_GL": "none"}, capture_output=True, text=True)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("paxisim: error: MuJoCo cannot be loaded with MUJOCO_GL=none (")
+    assert "set MUJOCO_GL=egl" in line
+
+
 def pads_in(name):
     return paxisim.find_pads(mujoco.MjModel.from_xml_path(name))
 

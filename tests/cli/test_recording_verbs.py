@@ -63,6 +63,12 @@ def test_info_says_what_is_there_and_whether_it_was_cut_off(info, folder):
     assert "CUT OFF" in info("a.mcap")
 
 
+def test_info_of_a_table_that_states_no_pitch(info, folder):
+    (folder / "a.csv").write_text("time,tactile.left.0_0.x,tactile.left.0_0.y,tactile.left.0_0.z\n0,1,2,3\n0.1,1,2,3\n")
+    out = " ".join(info("a.csv").split())
+    assert "of 1x1 taxels, pitch unknown, drawn as 1x1 mm; state it with Recording.load(..., layout=...)" in out
+
+
 def test_info_of_a_log_with_errors_bursts_or_nothing(info):
     with LogWriter("errors.mcap", {}) as log:
         for i in range(10):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from log_files import LAYOUT, assert_equal, recording, refused
 
-from paxisim.errors import UnknownNameError
+from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.hw.profiles.load import load_profile
 from paxisim.layout import TaxelLayout
 from paxisim.logs.columns import to_columns
+from paxisim.logs.csv_writer import write_csv
 from paxisim.recording import Recording
 
 HOST = """Timestamp,0-2-1x1-X,0-2-1x1-Y,0-2-1x1-Z,0-2-NxN-X[0],0-2-NxN-Y[0],0-2-NxN-Z[0],\
@@ -149,6 +150,45 @@ def test_a_plain_table_comes_back(tmp_path):
     loaded = Recording.load(tmp_path / "a.csv", layout=LAYOUT)
     assert_equal(loaded, dataclasses.replace(original, metadata=loaded.metadata))
     assert Recording.load(tmp_path / "a.csv", pads=["right"]).pads == ("right",)
+
+
+def test_what_paxisim_writes(tmp_path):
+    path = tmp_path / "a.csv"
+    original = recording(6, covariates={"pose": np.arange(36.0).reshape(6, 2, 3), "opening": np.full(6, np.nan)})
+    write_csv(path, original.to_arrays())
+    assert_equal(Recording.load(path), original)
+    assert Recording.load(path).metadata == original.metadata
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text[:-3], encoding="utf-8")
+    with pytest.warns(UserWarning, match="cut off: its last line is incomplete; the intact part was read: 5 samples"):
+        assert len(Recording.load(path)) == 5
+    about, header, *rows = text.splitlines()  # as a spreadsheet of another language saves it
+    rows = [header.replace(",", ";"), *(row.replace(",", ";").replace(".", ",") for row in rows)]
+    path.write_text("\n".join([about, *rows, ""]), encoding="utf-8")
+    assert_equal(Recording.load(path), original)
+    dataclasses.replace(original, covariates={}).save(tmp_path / "b.npz")
+    added = Recording.load(tmp_path / "b.npz", streams=path).covariates["pose"]
+    assert added.shape == (6, 2, 3), "its covariates keep their shapes as streams, too"
+    broken = recording(6, covariates={"a\nb": np.ones(6)})
+    with pytest.raises(InvalidValueError, match=r"a name with a line break, 'a\\nb': write \.parquet or \.npz"):
+        write_csv(path, broken.to_arrays())
+
+
+def test_a_pitch_that_no_file_states_is_unknown(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(PLAIN)
+    loaded = Recording.load(path)
+    assert not loaded.layout.pitch_known
+    assert "1 pad of 1x1 taxels (pitch unknown), 2 samples" in repr(loaded)
+    for suffix in ("npz", "mcap", "csv"):
+        write = write_csv if suffix == "csv" else lambda path, arrays: Recording(**vars(arrays)).save(path)
+        write(tmp_path / f"b.{suffix}", loaded.to_arrays())
+        assert not Recording.load(tmp_path / f"b.{suffix}").layout.pitch_known, suffix
+    known = Recording.load(path, layout=TaxelLayout(1, 1, (1e-3, 1e-3)))
+    assert known.layout.pitch_known
+    assert "unknown" not in repr(known)
+    path.write_text(HOST)
+    assert not Recording.load(path).pool(1, 2).layout.pitch_known
 
 
 PLAIN = "time,tactile.left.0_0.x,tactile.left.0_0.y,tactile.left.0_0.z,opening\n0,1,2,3,0.5\n0.1,1,2,3,\n"

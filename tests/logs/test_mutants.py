@@ -28,6 +28,7 @@ import paxisim.diagnose
 from paxisim.errors import PaxisimError
 from paxisim.hw.profiles.load import load_profile
 from paxisim.hw.profiles.profile import Profile
+from paxisim.logs.csv_writer import write_csv
 from paxisim.logs.lerobot_writer import write_lerobot
 from paxisim.logs.mcap_reader import is_recording
 from paxisim.logs.mcap_topics import read_topics
@@ -161,10 +162,12 @@ def csv_bases(folder: Path) -> list[bytes]:
     host = "Timestamp,0-1-NxN-X[0],0-1-NxN-Y[0],0-1-NxN-Z[0],0-1-1x1-X,0-1-1x1-Y,0-1-1x1-Z"
     one = ",".join("123456789012")
     head = f"time,episode_index,{grid},opening,pose.0,pose.1"
+    write_csv(folder / "ours.csv", recording().to_arrays())
     return [
         f'# {{"sensor": "a"}}\n{head}\n0,0,{one},,3,4\n1,1,{one},2,3,4\n'.encode(),
         f"{native}\n2026-01-01,0.5,1,2,3,4\n2026-01-01,0.6,1,2,3,4\n".encode(),
         f"{host}\n23:59:59.5,1,2,3,4,5,6\n00:00:00.1,1,2,,4,5,6\n".encode(),
+        (folder / "ours.csv").read_bytes(),
     ]
 
 

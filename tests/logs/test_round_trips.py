@@ -68,7 +68,7 @@ def converted(path, original):
 
 
 @pytest.mark.filterwarnings("ignore:. of 8 frames hold NaN")
-@pytest.mark.parametrize("kind", ["npz", "mcap", "parquet", "lerobot"])
+@pytest.mark.parametrize("kind", ["npz", "mcap", "csv", "parquet", "lerobot"])
 @pytest.mark.parametrize("name", ODD)
 def test_odd_recordings_come_back(tmp_path, name, kind):
     if kind in ("parquet", "lerobot"):
@@ -80,14 +80,14 @@ def test_odd_recordings_come_back(tmp_path, name, kind):
     assert {key: value for key, value in loaded.metadata.items() if key != "paxisim"} == original.metadata
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".npz", ".NPZ", ".parquet"])
+@pytest.mark.parametrize("suffix", [".mcap", ".npz", ".NPZ", ".csv", ".parquet"])
 def test_what_is_saved_comes_back_whole_or_with_the_pads_asked_for(tmp_path, suffix):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow")
     path = tmp_path / f"a{suffix}"
     original = recording(covariates={"resultant": counts(50).sum((3, 4)), "arm/pose": np.ones((50, 2, 3))})
     for _ in range(2):  # the second overwrites the first
-        if suffix == ".parquet":
+        if suffix in (".csv", ".parquet"):
             loaded = converted(path, original)
         else:
             original.save(path)

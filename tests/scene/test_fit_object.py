@@ -95,6 +95,7 @@ def test_the_shell_prints_it_and_names_what_is_wrong(tmp_path, monkeypatch, caps
     for wrong, kind, match in [
         (recording.select(pads=["left"]), InvalidValueError, "two opposite pads"),
         (replace(recording, metadata={"unit": "uT"}), InvalidValueError, "newtons"),
+        (replace(recording, layout=None), InvalidValueError, "needs the pitch of the taxels"),
         (replace(recording, measured=0 * recording.measured), InvalidValueError, "no grasp"),
     ]:
         with pytest.raises(kind, match=match):

@@ -143,7 +143,10 @@ def test_a_replay_is_filmed_with_its_scene(grasp):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["plot", "REC", "-o", "film.avi"], "a film must end in .mp4, .gif, .webp, got film.avi"),
+        (
+            ["plot", "REC", "-o", "film.avi"],
+            ".mp4, .gif or .webp; a picture of its strongest moment in .png, got film.avi",
+        ),
         (["plot", "REC", "-o", "there.gif"], "there.gif exists; --force overwrites it"),
         (["plot", "missing.mcap", "-o", "film.gif"], "missing.mcap"),
         (["plot", "uT.npz", "-o", "film.gif"], "measured is in uT and simulated in N"),

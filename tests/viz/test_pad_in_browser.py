@@ -46,17 +46,31 @@ def test_the_data_of_the_page_are_up_to_date():
             )
 
 
+def write_page(path, *scripts, title="a pad"):
+    """Write a page with the markup and the style of the documentation's page and some of its scripts."""
+    markup = (FOLDER / "index.md").read_text(encoding="utf-8")
+    app = markup[markup.index("<div class=") : markup.rindex("</div>") + len("</div>")]
+    style = f'<link rel="stylesheet" href="{(FOLDER.parent / "style.css").as_uri()}">'
+    loaded = "".join(f'<script src="{(FOLDER / name).as_uri()}"></script>' for name in scripts)
+    path.write_text(f"<!doctype html><meta charset=utf-8>{style}{app}{loaded}<title>{html.escape(title)}</title>")
+
+
+@pytest.mark.skipif(find() is None, reason="no Chromium")
+def test_without_the_module_only_its_note_shows(tmp_path):
+    write_page(tmp_path / "page.html", "data.js", "pad.js")
+    with Browser(find()) as browser:
+        shown = browser.open(tmp_path / "page.html", 390)
+        seen = shown.value("[...document.querySelector('.pad-app').children].filter((e) => e.offsetHeight).length")
+        assert seen == 1
+        assert "run python docs/browser/make.py" in shown.value("document.querySelector('.note').textContent")
+
+
 @pytest.mark.skipif(find() is None, reason="no Chromium")
 @pytest.mark.skipif(not (FOLDER / "mujoco.js").is_file(), reason="python docs/browser/make.py fetches MuJoCo's module")
 @pytest.mark.parametrize(("surface", "x", "y", "force"), POSES)
 def test_the_page_reads_what_python_reads(surface, x, y, force, tmp_path):
     page = tmp_path / "page.html"
-    scripts = "".join(
-        f'<script src="{(FOLDER / name).as_uri()}"></script>' for name in ("data.js", "mujoco.js", "pad.js")
-    )
-    markup = (FOLDER / "index.md").read_text(encoding="utf-8")
-    app = markup[markup.index("<div class=") : markup.rindex("</div>") + len("</div>")]
-    page.write_text(f"<!doctype html><meta charset=utf-8>{app}{scripts}<title>{html.escape(surface)}</title>")
+    write_page(page, "data.js", "mujoco.js", "pad.js", title=surface)
     with Browser(find()) as browser:
         shown = browser.open(page, 1280)
         shown.value(
