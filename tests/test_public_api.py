@@ -52,6 +52,13 @@ def test_the_public_names_are_these_and_a_star_imports_them():
     assert paxisim.__version__.split(".")[0].isdigit()
 
 
+def test_no_public_name_is_that_of_a_module_beside_it():
+    """The import of such a module would replace the name."""
+    for package, names in PACKAGES.items():
+        modules = {found.name for found in pkgutil.iter_modules(package.__path__) if not found.ispkg}
+        assert modules & set(names.split()) == set(), package.__name__
+
+
 def test_every_public_name_is_documented_under_its_own_name_with_its_methods():
     for name in DEFINED:
         thing = getattr(paxisim, name)

@@ -41,7 +41,7 @@ from .parameter_spec import parameter as parameter
 from .parameter_spec import parameters as parameters
 from .poisson import Poisson as Poisson
 from .quantisation import Quantisation as Quantisation
-from .read_recording import read_recording as read_recording
+from .recorded import read_recording as read_recording
 from .rotation import Rotation as Rotation
 from .sample_and_hold import SampleAndHold as SampleAndHold
 from .saturation import Saturation as Saturation

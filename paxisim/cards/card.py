@@ -13,7 +13,7 @@ import numpy as np
 from paxisim._version import __version__
 from paxisim.augment.chain import Chain
 from paxisim.augment.gcs import GCS, FittedGCS
-from paxisim.augment.read_recording import read_recording
+from paxisim.augment.recorded import read_recording
 from paxisim.cards.score import Score, score
 from paxisim.diagnose.diagnosis import Diagnosis
 from paxisim.diagnose.result import intervals_as_arrays, intervals_as_lists

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from paxisim.augment.read_recording import read_recording
+from paxisim.augment.recorded import read_recording
 from paxisim.cards.card import Card
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
 from paxisim.diagnose.report.error import places, worst_episodes

@@ -78,7 +78,7 @@ def judge(
         recordings: Recordings with measured and simulated tensors (.mcap, .npz, .csv).
     """
     from paxisim.augment.chain import Chain
-    from paxisim.augment.read_recording import read_recording
+    from paxisim.augment.recorded import read_recording
     from paxisim.cards.card import Card
     from paxisim.cards.score import score
     from paxisim.files import parse_file, parse_json

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from paxisim.augment.chain import Chain
-from paxisim.augment.read_recording import read_through
+from paxisim.augment.recorded import read_through
 from paxisim.augment.transform import Transform
 from paxisim.diagnose.causes.vocabulary import known_causes
 from paxisim.errors import InvalidValueError

@@ -1,4 +1,4 @@
-"""read_recording: what a sensor model reads of a recording's simulated forces."""
+"""Recorded: what a sensor model reads of a recording's simulated forces."""
 
 from __future__ import annotations
 
