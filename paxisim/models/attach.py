@@ -198,22 +198,36 @@ def attach(
     # `bind` and `find_pads` in a saved file must use the same order, or a policy could get its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
-    if not _warn_of_mounts(spec, pad_names, mounts) and chosen_here:
-        report += "\nnothing else stands in front of the pads or level with them"
+    hidden, bare = _warn_of_mounts(spec, pad_names, mounts)
+    if chosen_here:
+        report += f"\nnote: {bare}" if bare else ""
+        report += "" if hidden else "\nnothing else stands in front of the pads or level with them"
     grips = tuple(grip.reordered(order) for grip in grips)
     first = pads[order[0]]
     return TactileGripper(spec, mounts, pad_names, first.gel, first.layout, report, grips)
 
 
-def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> bool:
-    """Warn of implausible mounts, and return whether something takes the load of a pad."""
-    from paxisim.models.mount_checks import HIDDEN, doubts
+def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> tuple[bool, str]:
+    """Warn of implausible mounts.
+
+    Returns:
+        Whether something takes the load of a pad, and what of the fingers no longer collides.
+    """
+    from paxisim.models.mount_checks import HIDDEN, MIN_BARE, bare_lengths, doubts
 
     model = compile_whole(spec, "the gripper with pads")
-    found = doubts(model, find_pads(model, names=pad_names), mounts)
+    pads = find_pads(model, names=pad_names)
+    bare = bare_lengths(model, pads, mounts)
+    found = doubts(model, pads, mounts, bare)
     for doubt in found:
         warnings.warn(doubt, stacklevel=3)
-    return any(doubt.startswith(HIDDEN) for doubt in found)
+    where = [
+        f"{mount.body} {1e3 * length:.0f} mm" for mount, length in zip(mounts, bare, strict=True) if length > MIN_BARE
+    ]
+    return (
+        any(doubt.startswith(HIDDEN) for doubt in found),
+        f"beyond the edges of their pads, fingers no longer collide: {', '.join(where)}" if where else "",
+    )
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
