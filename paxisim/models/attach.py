@@ -13,6 +13,7 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.grip import Grip
 from paxisim.models.load import compile_spec, compile_whole, load_spec
@@ -47,6 +48,11 @@ class TactileGripper:
     layout: TaxelLayout
     report: str = ""
     _found: tuple[Grip, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line with the number and the names of the pads."""
+        described = names.described_pads([mount.name for mount in self.mounts], self.layout.rows, self.layout.cols)
+        return f"TactileGripper({described})"
 
     @cached_property
     def grips(self) -> tuple[Grip, ...]:
