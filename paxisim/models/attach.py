@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -174,6 +174,7 @@ def attach(
     if not chosen:
         raise InvalidValueError("expected at least one mount, got none")
     bodies = {body.name: body for body in spec.bodies}
+    chosen = tuple(_without_doubled_word(mount, bodies, pads[0].name) for mount in chosen)
     replaced = []
     for mount in chosen:
         if mount.body not in bodies:
@@ -251,6 +252,16 @@ def _with_free_name(mount: Mount, spec: mujoco.MjSpec, pad: str) -> Mount:
     """Return a chosen mount, under another name if the robot has a body of the pad's name already."""
     taken = {body.name for body in spec.bodies}
     return replace(mount, name=f"{mount.name}_tactile") if f"{mount.name}_{pad}" in taken else mount
+
+
+def _without_doubled_word(mount: Mount, taken: Collection[str], pad: str) -> Mount:
+    """Return a mount whose pad is not called ``right_pad_pad``, if it has the name of a body ``right_pad``."""
+    stem = mount.name.removesuffix(pad)
+    if mount.name != mount.body or stem == mount.name or not (stem == "" or stem.endswith("_")):
+        return mount
+    stem = stem.rstrip("_")
+    free = stem and f"{stem}_{pad}" not in taken
+    return replace(mount, name=stem if free else f"{stem}_tactile".lstrip("_"))
 
 
 def _turned(quat: tuple[float, float, float, float]) -> tuple[float, float, float, float]:

@@ -348,3 +348,14 @@ def test_what_attach_and_bind_return_print_as_one_line():
         [paxisim.Mount(f"f{i}", replaces=(0,)) for i in range(5)],
     )
     assert repr(many) == "TactileGripper(5 pads of 1x1 taxels: f0, f1, f2, f3, ...)"
+
+
+def test_a_pad_on_a_body_that_is_called_a_pad_has_no_doubled_word_in_its_name():
+    xml = OWN_GRIPPER.replace('"left_finger"', '"left_pad"').replace('"right_finger"', '"pad"')
+    mounts = [replace(mount, body=body, name="") for mount, body in zip(fingertips(), ("left_pad", "pad"), strict=True)]
+    gripper = attach(xml, POOLED, mounts)
+    assert gripper.pad_names == ("left_tactile_pad", "tactile_pad")
+    again = attach(xml, POOLED, gripper.mounts)
+    assert again.pad_names == gripper.pad_names
+    named = attach(OWN_GRIPPER, POOLED, replace(fingertips()[0], name="my_pad"))
+    assert named.pad_names == ("my_pad_pad",), "a name that the caller gives stays"
