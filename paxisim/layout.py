@@ -117,6 +117,13 @@ class TaxelLayout:
         points.setflags(write=False)
         return points
 
+    def __repr__(self) -> str:
+        """One line without the coordinates."""
+        height, width = (f"{1e3 * length:.4g}" for length in (self.pitch if self.is_grid else self.size))
+        what = f"pitch {height} x {width} mm" if self.is_grid else f"positions of its own in {height} x {width} mm"
+        order = ", vendor's order" if self.vendor_order is not None else ""
+        return f"TaxelLayout({self.rows}x{self.cols}, {what}{order})"
+
     def __eq__(self, other: object) -> bool:
         """Whether all fields but `pitch_known` are equal, arrays included."""
         if not isinstance(other, TaxelLayout):

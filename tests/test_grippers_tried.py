@@ -12,7 +12,7 @@ import grippers_tried
 _JAWS = """
 <body name="{name}" pos="0 {side} 0.05">
   <joint name="slide_{name}" type="slide" axis="0 {towards} 0" range="0 0.03" damping="5"/>
-  <geom type="box" size="0.01 0.004 0.025"/>
+  <geom type="box" size="0.01 0.004 0.023"/>
 </body>"""
 _ACTUATORS = '<actuator><position joint="slide_{}" kp="200" ctrlrange="0 0.03"/></actuator>'
 

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import inspect
 import json
 import pickle
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from paxisim.augment import GCS
 from paxisim.errors import InvalidValueError, PaxisimError
 from paxisim.layout import TaxelLayout
 
@@ -289,3 +291,11 @@ def test_shapes_that_do_not_fit_are_named():
         with pytest.raises(PaxisimError) as error:
             call()
         assert words in str(error.value)
+
+
+def test_a_layout_says_in_one_line_what_it_is():
+    grid = TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
+    assert repr(grid) == "TaxelLayout(6x5, pitch 4.35 x 4.52 mm)"
+    places = TaxelLayout(1, 2, 4e-3, [[0, 0, 0], [0.01, 0, 0]], vendor_order=(1, 0))
+    assert repr(places) == "TaxelLayout(1x2, positions of its own in 4 x 14 mm, vendor's order)"
+    assert "TaxelLayout(6x5, pitch 4.35 x 4.52 mm)" in str(inspect.signature(GCS.sample))

@@ -91,21 +91,35 @@ def main(arguments: list[str] | None = None) -> int:
     """
     warnings.showwarning = _show_warning
     words = sys.argv[1:] if arguments is None else arguments
-    if words == ["--version"]:
+    try:
+        status = _run(words)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # who reads the output has seen enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(words: Sequence[str]) -> int:
+    """Run a verb, or print the version or the list of verbs, and return the exit status.
+
+    Raises:
+        BrokenPipeError: Nobody reads the output.
+    """
+    if list(words) == ["--version"]:
         print(f"paxisim {__version__}")
         return 0
-    if not words or words in (["-h"], ["--help"]):
+    if not words or list(words) in (["-h"], ["--help"]):
         sentences = {name: _sentence(verb) for name, verb in VERBS.items()}
         print(overview(SECTIONS, sentences | {name: said for name, (_, said) in GROUPS.items()}))
         return 0
     try:
-        verb = parse(arguments)
+        verb = parse(words)
         with contextlib.redirect_stdout(PrintableOutput(sys.stdout)):
             verb()
             sys.stdout.flush()
-    except BrokenPipeError:  # who reads the output has seen enough, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except BrokenPipeError:
+        raise
     except PaxisimError as error:
         return _complain(str(error))
     except OSError as error:
@@ -126,13 +140,12 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def parse(arguments: list[str] | None) -> Callable[[], None]:
+def parse(words: Sequence[str]) -> Callable[[], None]:
     """Return the verb with its options, ready to be called.
 
     Raises:
         SystemExit: With status 0 after printing the requested help, or with an error message if parsing failed.
     """
-    words = sys.argv[1:] if arguments is None else arguments
     if wrong := unknown_verb(words, _known()):
         raise SystemExit(wrong)
     said, helped = io.StringIO(), io.StringIO()

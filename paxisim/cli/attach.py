@@ -80,7 +80,9 @@ def attach(
         force: Overwrite the outputs if they exist.
     """
     import paxisim
+    from paxisim.models.load import check_model_file
 
+    check_model_file(gripper)  # before options are judged: a mistyped name is the likeliest mistake
     output = named_after(gripper, "_with_pads.xml") if output is None else output
     picture = output.with_suffix(".png") if picture is None else picture
     check_output(output, force, ".xml")

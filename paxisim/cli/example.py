@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -45,7 +46,9 @@ def example(
 
         check_output(path, force, ".xml")
         write_output(path, files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8"), force)
-        print(f"{path}: a parallel gripper without pads; next: paxisim attach {path} --help")
+        print(f"{path}: a parallel gripper without pads; next:")
+        into = shlex.quote(str(path.with_name("tactile_gripper.xml")))
+        print(f"paxisim attach {shlex.quote(str(path))} --sensor paxini-gen1-l4629 --pool 2 -o {into}")
         return
     if path.suffix.lower() not in (".mcap", ".npz"):
         raise InvalidValueError(f"the output must end in .mcap or .npz, got {path}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 
 from paxisim.errors import InvalidValueError, UnknownNameError
 from paxisim.layout import TaxelLayout
+from paxisim.models import names
 from paxisim.models.gel import Gel
 from paxisim.models.grip import Grip
 from paxisim.models.load import compile_spec, compile_whole, load_spec
@@ -47,6 +48,11 @@ class TactileGripper:
     layout: TaxelLayout
     report: str = ""
     _found: tuple[Grip, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line with the number and the names of the pads."""
+        described = names.described_pads([mount.name for mount in self.mounts], self.layout.rows, self.layout.cols)
+        return f"TactileGripper({described})"
 
     @cached_property
     def grips(self) -> tuple[Grip, ...]:
@@ -168,6 +174,7 @@ def attach(
     if not chosen:
         raise InvalidValueError("expected at least one mount, got none")
     bodies = {body.name: body for body in spec.bodies}
+    chosen = tuple(_without_doubled_word(mount, bodies, pads[0].name) for mount in chosen)
     replaced = []
     for mount in chosen:
         if mount.body not in bodies:
@@ -198,22 +205,36 @@ def attach(
     # `bind` and `find_pads` in a saved file must use the same order, or a policy could get its pads swapped
     order = sorted(range(len(chosen)), key=lambda i: model.body(pad_names[i]).id)
     mounts, pad_names = tuple(chosen[i] for i in order), tuple(pad_names[i] for i in order)
-    if not _warn_of_mounts(spec, pad_names, mounts) and chosen_here:
-        report += "\nnothing else stands in front of the pads or level with them"
+    hidden, bare = _warn_of_mounts(spec, pad_names, mounts)
+    if chosen_here:
+        report += f"\nnote: {bare}" if bare else ""
+        report += "" if hidden else "\nnothing else stands in front of the pads or level with them"
     grips = tuple(grip.reordered(order) for grip in grips)
     first = pads[order[0]]
     return TactileGripper(spec, mounts, pad_names, first.gel, first.layout, report, grips)
 
 
-def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> bool:
-    """Warn of implausible mounts, and return whether something takes the load of a pad."""
-    from paxisim.models.mount_checks import HIDDEN, doubts
+def _warn_of_mounts(spec: mujoco.MjSpec, pad_names: tuple[str, ...], mounts: tuple[Mount, ...]) -> tuple[bool, str]:
+    """Warn of implausible mounts.
+
+    Returns:
+        Whether something takes the load of a pad, and what of the fingers no longer collides.
+    """
+    from paxisim.models.mount_checks import HIDDEN, MIN_BARE, bare_lengths, doubts
 
     model = compile_whole(spec, "the gripper with pads")
-    found = doubts(model, find_pads(model, names=pad_names), mounts)
+    pads = find_pads(model, names=pad_names)
+    bare = bare_lengths(model, pads, mounts)
+    found = doubts(model, pads, mounts, bare)
     for doubt in found:
         warnings.warn(doubt, stacklevel=3)
-    return any(doubt.startswith(HIDDEN) for doubt in found)
+    where = [
+        f"{mount.body} {1e3 * length:.0f} mm" for mount, length in zip(mounts, bare, strict=True) if length > MIN_BARE
+    ]
+    return (
+        any(doubt.startswith(HIDDEN) for doubt in found),
+        f"beyond the edges of their pads, fingers no longer collide: {', '.join(where)}" if where else "",
+    )
 
 
 def _as_pad(sensor: Pad | TaxelLayout | str) -> Pad:
@@ -231,6 +252,16 @@ def _with_free_name(mount: Mount, spec: mujoco.MjSpec, pad: str) -> Mount:
     """Return a chosen mount, under another name if the robot has a body of the pad's name already."""
     taken = {body.name for body in spec.bodies}
     return replace(mount, name=f"{mount.name}_tactile") if f"{mount.name}_{pad}" in taken else mount
+
+
+def _without_doubled_word(mount: Mount, taken: Collection[str], pad: str) -> Mount:
+    """Return a mount whose pad is not called ``right_pad_pad``, if it has the name of a body ``right_pad``."""
+    stem = mount.name.removesuffix(pad)
+    if mount.name != mount.body or stem == mount.name or not (stem == "" or stem.endswith("_")):
+        return mount
+    stem = stem.rstrip("_")
+    free = stem and f"{stem}_{pad}" not in taken
+    return replace(mount, name=stem if free else f"{stem}_tactile".lstrip("_"))
 
 
 def _turned(quat: tuple[float, float, float, float]) -> tuple[float, float, float, float]:

@@ -8,7 +8,7 @@ are not parallel. A plate does not move at all. Units: metres, seconds, newtons.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -36,6 +36,9 @@ _LONGEST, _REST = 4.0, 0.08  # s: to wait at most after the controls have change
 _CONSTANT = 0.02  # largest change of a constant force, as a share of it; hard contacts chatter
 _LOST = 0.1  # share of its largest force that an object which slipped still carries, at most
 _SLIPPED = "it slipped out of the grip; these are the largest forces"
+_UNSTABLE = "the simulation is unstable"
+_THROWN = 20.0  # times the wanted force: no gripper presses so hard, only geoms that lie inside one another
+_EJECTED = "it was ejected: something lies inside it, or it was squeezed out at once; there is no force to give"
 _STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS) | int(mujoco.mjtState.mjSTATE_CTRL)
 _ANY = 2**31 - 1  # contact bits that meet all others; which geoms an object touches is chosen later
 _QUIET = 1e-3  # speed of a robot at rest, as a share of its largest
@@ -165,10 +168,12 @@ class Bench:
         largest = mujoco.MjData(self.model)
         limit = force * len(self.placed[index].pads)
         note = self._drive(own, float(closing.ramp[frame]), limit=limit, largest=largest)
-        if note != _SLIPPED:
-            return self._read(self._data, note)
+        loads = self._read(largest if note == _SLIPPED else self._data, note)
+        if note and not loads.normal.sum() < _THROWN * limit:
+            none = (np.zeros_like(part) for part in (loads.normal, loads.read, loads.solver))
+            return Loads(*none, note=note if note == _UNSTABLE else _EJECTED)
         # a weak finger rolls off a plate when it closes further, which says nothing about its pad
-        return self._read(largest, "" if self.placed[index].shape == "plate" else note)
+        return replace(loads, note="") if note == _SLIPPED and self.placed[index].shape == "plate" else loads
 
     def _set(self, closing: Closing, frame: int) -> None:
         mujoco.mj_resetData(self.model, self._data)
@@ -248,7 +253,7 @@ class Bench:
             data.ctrl[actuators] = (grip.open_ctrl + ramp * (grip.close_ctrl - grip.open_ctrl))[actuators]
             mujoco.mj_step(model, data, every)
             if not np.all(np.isfinite(data.qpos)) or data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number:
-                return "the simulation is unstable"
+                return _UNSTABLE
             if frames is not None:
                 state = np.zeros(mujoco.mj_stateSize(model, _STATE))
                 mujoco.mj_getState(model, data, state, _STATE)

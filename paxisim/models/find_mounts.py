@@ -26,6 +26,7 @@ from paxisim.models.hands import Hand, closes_on, fingers_on
 from paxisim.models.links import Links, bodies_above
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount, replaced_in_spec
+from paxisim.models.names import listed
 from paxisim.models.pad_faces import PadFace, Rejected, pad_faces
 
 WAYS_OUT = (
@@ -57,6 +58,10 @@ class FoundMounts:
     open_qpos: NDArray[np.float64]
     grasp_qpos: NDArray[np.float64]
     grips: tuple[Grip, ...]
+
+    def __repr__(self) -> str:
+        """One line with the bodies that carry the faces."""
+        return f"FoundMounts({len(self.faces)} faces: {listed([face.mount.body for face in self.faces])})"
 
     @property
     def mounts(self) -> tuple[Mount, ...]:

@@ -107,22 +107,16 @@ def describe(hand: Hand, found: list[PadFace], faces: list[FoundFace]) -> list[s
             f"{f.fill:.0%}, its normal {np.degrees(f.off_course):.0f} deg off the way it closes"
         )
         lines.append(f"  switches off {', '.join(f.geoms)}")
-        lines += [f"  note: {note}" for note in _notes(links, pad, f)]
+        lines += [f"  note: {note}" for note in _notes(pad, f)]
     return lines
 
 
-def _notes(links: Links, pad: PadFace, found: FoundFace) -> list[str]:
+def _notes(pad: PadFace, found: FoundFace) -> list[str]:
     notes = []
     if found.fill < 0.7:
         notes.append("the face is round or narrow: the edges of the pad stand out from it")
-    surface, face = links.surface(pad.link), pad.face
-    if len(found.geoms) < len(face.geoms):
+    if len(found.geoms) < len(pad.face.geoms):
         notes.append("a geom that has no name, nor has its body, takes load from the pad: name it")
-    mine = np.isin(np.repeat(surface.geoms, 3), face.geoms)
-    local = (surface.triangles.reshape(-1, 3)[mine] - face.center) @ face.frame
-    beyond = float(np.max(np.abs(local[:, :2]) - np.array([face.size[1], face.size[0]]) / 2))
-    if beyond > 2e-3:
-        notes.append(f"{beyond * 1e3:.0f} mm of this fingertip beyond the pad no longer collides")
     return notes
 
 

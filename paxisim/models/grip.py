@@ -37,6 +37,10 @@ class Grip:
     qpos: NDArray[np.float64]
     partners: tuple[tuple[int, ...], ...]
 
+    def __repr__(self) -> str:
+        """One line without the poses."""
+        return f"Grip(pads={self.pads}, actuators={self.actuators}, {len(self.qpos)} poses)"
+
     def reordered(self, order: Sequence[int]) -> Grip:
         """Return the grip after the pads were put in another order; ``order[i]`` is the old index of pad i."""
         new = {old: i for i, old in enumerate(order)}

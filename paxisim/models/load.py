@@ -35,8 +35,7 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
         source, parse, argument = "the XML text", mujoco.MjSpec.from_string, model
     else:
         path = Path(model)
-        if not path.is_file():
-            raise InvalidValueError(f"no such model file: {path}")
+        check_model_file(path)
         with path.open("rb") as file:  # MuJoCo also makes models of lone meshes, and logs what it cannot decode
             if not file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
                 raise InvalidValueError(f"MuJoCo cannot parse {path}: expected MJCF or URDF, which begin with <")
@@ -55,6 +54,16 @@ def load_spec(model: mujoco.MjSpec | str | Path) -> mujoco.MjSpec:
             raise InvalidValueError(f"MuJoCo cannot parse {source}: {one_line(error)}") from error
     warnings.warn(f"{Path(source).name} is not sound MJCF, read without {'; '.join(repairs)}", stacklevel=2)
     return spec
+
+
+def check_model_file(path: Path) -> None:
+    """Check that a model file exists.
+
+    Raises:
+        InvalidValueError: It does not.
+    """
+    if not path.is_file():
+        raise InvalidValueError(f"no such model file: {path}")
 
 
 def _repaired(path: str, is_file: bool) -> tuple[str, list[str]]:

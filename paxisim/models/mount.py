@@ -64,6 +64,13 @@ class Mount:
             object.__setattr__(self, "name", self.body)
         names.check("a mount's name", self.name)
 
+    def __repr__(self) -> str:
+        """One line with the values rounded, and without those that are the default."""
+        pos, quat = (", ".join(f"{round(v, 6) + 0.0:g}" for v in values) for values in (self.pos, self.quat))
+        said = [repr(self.body), f"pos=({pos})", f"quat=({quat})"]
+        said += [f"replaces={self.replaces}"] * bool(self.replaces) + [f"name={self.name!r}"] * (self.name != self.body)
+        return f"Mount({', '.join(said)})"
+
     def find_replaced(self, bodies: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[int, int]]:
         """Find the geoms that the mount replaces in a model of any kind.
 

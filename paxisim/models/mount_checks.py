@@ -6,7 +6,7 @@ the finger is its ancestors. Meshes are represented by MuJoCo's convex hulls. Le
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 import mujoco
@@ -20,7 +20,7 @@ from paxisim.models.links import bodies_above
 from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
 from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
-from paxisim.models.surfaces import shape_of
+from paxisim.models.surfaces import shape_of, surface_of
 
 MAX_PITCH = 0.05
 """Largest plausible pitch of a taxel; a larger pitch suggests a wrong unit."""
@@ -36,6 +36,9 @@ MAX_OVERHANG_SHARE = 0.25
 """Largest share of taxels that may hang in the air or leave the surface, as at the rim of a round finger."""
 MIN_OVERLAP = 0.1e-3
 """Smallest overlap of two pads that counts, since pads side by side touch."""
+MIN_BARE = 2e-3
+"""Smallest length of a finger that a pad replaces without covering it, and that `attach` reports."""
+_INSIDE = 1e-3  # a point this near to a geom counts as part of it
 MAX_CHECKED_TAXELS = 200
 """Largest number of taxels to check per pad."""
 
@@ -44,17 +47,22 @@ LARGE = "pads larger than what they sit on"
 CURVED = "curved pads that do not follow the surface they sit on (paxisim.conform lays a pad onto a finger)"
 HIDDEN = "pads behind other geoms, or level with them, which take their load (add these to replaces of the mount)"
 INSIDE = "pads inside one another (use smaller pads or other mounts)"
+BARE = (
+    "fingers that no longer collide for more than a pad's length beyond it, since it replaces whole geoms (use a "
+    "larger pad, or leave geoms out of replaces)"
+)
 HUGE = "taxels larger than those of any sensor (lengths are in m)"
 _OF_ONE_NUMBER = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
-def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list[str]:
+def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...], bare: Sequence[float]) -> list[str]:
     """Return a sentence for each kind of implausible mount.
 
     Args:
         model: Model compiled with all its bodies and geoms, also those that touch nothing.
         pads: Pads of the model.
         mounts: Mount of each pad.
+        bare: Result of `bare_lengths`.
     """
     height, width = (1e3 * length for length in pads.layout.pitch)
     found: dict[str, list[str]] = {}
@@ -72,6 +80,11 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list
         if geoms:
             words = ",".join(_word(model, geom) for geom in geoms)
             found.setdefault(HIDDEN, []).append(f"{pads.names[pad]!r} on {mounts[pad].body!r} by {words}")
+    for pad, length in enumerate(bare):
+        own = max(pads.layouts[pad].size)
+        if length > own:
+            how = f"{1e3 * length:.0f} mm, and the pad is {1e3 * own:.0f} mm long"
+            found.setdefault(BARE, []).append(f"{pads.names[pad]!r} on {mounts[pad].body!r}, {how}")
     for (first, second), depth in _overlaps(model, data, pads).items():
         both = f"{pads.names[first]!r} and {pads.names[second]!r}"
         found.setdefault(INSIDE, []).append(f"{both}, by {1e3 * depth:.1f} mm")
@@ -134,6 +147,43 @@ def _on_finger(finger: NDArray[np.float64], layout: TaxelLayout) -> tuple[str, s
     if not layout.is_grid and (leaves > MAX_CURVE_DISTANCE).mean() > MAX_OVERHANG_SHARE:
         return CURVED, f"by up to {1e3 * leaves.max():.1f} mm"
     return "", ""
+
+
+def bare_lengths(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -> list[float]:
+    """Return how far beyond the edges of each pad the geoms that it replaces reach where nothing collides any longer.
+
+    Args:
+        model: Model compiled with all its bodies and geoms, also those that touch nothing.
+        pads: Pads of the model.
+        mounts: Mount of each pad.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    link = model.body_weldid[model.geom_bodyid]
+    lengths = []
+    for body, layout, mount in zip(map(int, pads.bodies), pads.layouts, mounts, strict=True):
+        surface = surface_of(model, data, replaced_in_model(model, mount), body, cells=20)
+        points = np.unique(surface.triangles.reshape(-1, 3), axis=0)
+        middle = (layout.positions.min(axis=0) + layout.positions.max(axis=0))[:2] / 2
+        beyond = (np.abs(points[:, :2] - middle) - np.array(layout.size[::-1]) / 2).max(axis=1)
+        bare = beyond > MIN_BARE
+        world = points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+        for geom in np.flatnonzero(touches & (link == model.body_weldid[body])):
+            shape = shape_of(model, int(geom)) if bare.any() else None
+            if shape is not None:
+                bare[bare] = ~_near(shape, (world[bare] - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+        lengths.append(float(beyond[bare].max(initial=0.0)))
+    return lengths
+
+
+def _near(shape: tuple[NDArray[np.float64], NDArray[np.int64]], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which points lie inside a convex solid or within `_INSIDE` of its faces."""
+    a, b, c = shape[0][shape[1]].swapaxes(0, 1)
+    normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(normals, axis=1)
+    normals = normals[area > 1e-16] / area[area > 1e-16, None]
+    return np.all(points @ normals.T <= np.sum(normals * a[area > 1e-16], axis=1) + _INSIDE, axis=1)
 
 
 def hiding_geoms(model: mujoco.MjModel, pads: Pads, candidates: NDArray[np.bool_]) -> list[list[int]]:

@@ -6,10 +6,13 @@ The pad's body has the name of the pad itself.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from lxml import etree
 
 from paxisim.errors import InvalidValueError
+
+_LISTED = 4  # most names in a short list
 
 TAXEL = re.compile(r"^(?P<pad>.+)_taxel_(?P<row>\d+)_(?P<col>\d+)$")
 """Pattern of the name of a taxel geom; ``pad`` includes any prefix that attaching put in front."""
@@ -54,3 +57,13 @@ def force(pad: str, row: int, col: int) -> str:
 def touch_grid(pad: str) -> str:
     """Name of the pad's touch_grid sensor and of its site."""
     return f"{pad}_touch_grid"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names with commas, but only the first of many."""
+    return ", ".join([*names[:_LISTED], *["..."] * (len(names) > _LISTED)])
+
+
+def described_pads(names: Sequence[str], rows: int, cols: int) -> str:
+    """Return how many pads of which taxels there are, and their names."""
+    return f"{len(names)} pad{'s' * (len(names) != 1)} of {rows}x{cols} taxels: {listed(names)}"

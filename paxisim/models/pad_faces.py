@@ -1,7 +1,7 @@
 """Pad faces: choose the face of each fingertip of a hand that carries a pad, and check it.
 
-A pad is right if its outward normal is the way its face moves when the finger closes, if it faces its partner or, in a
-hand, the space that the fingers close on. Whatever of its own link lies in front of it is replaced, and
+A pad is right if its outward normal points the way its face moves when the finger closes, if it faces its partner or,
+in a hand, the space that the fingers close on. Whatever of its own link lies in front of it is replaced, and
 `paxisim.models.mount_checks` finds what else does.
 """
 

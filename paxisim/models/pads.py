@@ -53,6 +53,10 @@ class Pads:
         """Shape of a reading, ``(pads, 3, rows, cols)``."""
         return (len(self.names), *self.layout.shape)
 
+    def __repr__(self) -> str:
+        """One line with the shape and the names."""
+        return f"Pads({names.described_pads(self.names, self.layout.rows, self.layout.cols)})"
+
     def __len__(self) -> int:
         """Number of pads."""
         return len(self.names)

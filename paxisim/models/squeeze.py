@@ -11,6 +11,7 @@ object is rigid, so a geom that is level with a pad takes its share of the load 
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,6 +33,8 @@ GOOD_SHARE = 0.95
 
 _TOUCHES = 1e-4  # smallest share of the load that counts as touching
 _COLUMNS = 100
+_FEW = 0.5  # fewer taxels than this share of a pad are few
+_PLURALS = {"box": "boxes", "plate": "plates", "cylinder": "cylinders"}
 _AGREES = 1e-3  # largest difference of reading and solver, as a share of the force
 
 
@@ -62,6 +65,12 @@ class Squeeze:
     loaded: NDArray[np.int64]
     others: dict[str, float]
     note: str = ""
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether something else carries load, a pad carries none, its reading is wrong, or there is a note."""
+        wrong = bool(self.note or self.others) or not self.agrees
+        return wrong or not self.share >= GOOD_SHARE or bool(np.any(self.read == 0))
 
     @property
     def agrees(self) -> bool:
@@ -99,40 +108,79 @@ class SqueezeResult:
         clean = all(one.agrees and not one.note for one in self.squeezes)
         return clean and not self.untested and min(self.shares.values(), default=0.0) >= GOOD_SHARE
 
-    def __str__(self) -> str:
-        """Table of all objects, at most 100 columns wide unless the names of the pads are very long."""
-        names = [pad for one in self.squeezes for pad in one.pads]
-        wide = max([3, *map(len, names)])
-        lines = [f"opening  {'object (mm)':<22}  share  {'pad':<{wide}}  reads (N)  solver (N)  taxels"]
+    @property
+    def touched(self) -> dict[str, int]:
+        """Fewest taxels of each tested pad that carried load on any object."""
+        found: dict[str, int] = {}
         for one in self.squeezes:
-            share = "   - " if np.isnan(one.share) else f"{100 * one.share:3.0f} %"
-            start = f"{100 * one.opening:5.0f} %  {one.object:<22}  {share}"
-            for i, pad in enumerate(one.pads):
-                taxels = f"{one.loaded[i]}/{self.taxels}"
-                row = f"  {pad:<{wide}}  {one.read[i]:9.2f}  {one.solver[i]:10.2f}  {taxels:>6}"
-                lines.append((start if i == 0 else " " * len(start)) + row)
-            if one.others:
-                others = ", ".join(f"{name} ({newtons:.2f} N)" for name, newtons in one.others.items())
-                lines += textwrap.wrap(
-                    f"also touches: {others}",
-                    _COLUMNS,
-                    initial_indent=" " * 9,
-                    subsequent_indent=" " * 11,
-                    break_on_hyphens=False,
-                )
-            if one.note:
-                lines.append(f"{'':9}{one.note}")
+            for pad, loaded in zip(one.pads, one.loaded.tolist(), strict=True):
+                found[pad] = min(found.get(pad, self.taxels), loaded)
+        return found
+
+    def __repr__(self) -> str:
+        """One line with the number of objects and whether the pads passed."""
+        count = len(self.squeezes)
+        return f"SqueezeResult({count} object{'s' * (count != 1)}, {'passed' if self.passed else 'not passed'})"
+
+    def __str__(self) -> str:
+        """One line for each pad, the objects on which something is doubtful, and a verdict.
+
+        Lines are at most 100 columns wide unless the names of the pads are very long.
+        """
+        rows = [("pad", "objects", "share", "force (N)", f"taxels touched, of {self.taxels}")] if self.squeezes else []
+        for name, share in self.shares.items():
+            on = [(one, one.pads.index(name)) for one in self.squeezes if name in one.pads]
+            kinds = Counter(one.object.split()[0] for one, _ in on)
+            objects = ", ".join(f"{count} {_PLURALS[kind] if count > 1 else kind}" for kind, count in kinds.items())
+            force = _range([f"{one.read[i]:.2f}" for one, i in on])
+            rows.append((name, objects, f"{100 * share:.0f} %", force, _range([str(one.loaded[i]) for one, i in on])))
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ["  ".join(map(str.ljust, row, wide)).rstrip() for row in rows]
+        doubtful = [one for one in self.squeezes if one.is_doubtful]
+        if doubtful:
+            lines += ["", "doubtful:", *(line for one in doubtful for line in self._rows(one, wide[0])), ""]
         return "\n".join([*lines, *(f"{pad}: not tested, {why}" for pad, why in self.untested.items()), self._verdict])
+
+    def _rows(self, one: Squeeze, wide: int) -> list[str]:
+        """Return lines about one object."""
+        share = "nothing on pads" if np.isnan(one.share) else f"{100 * one.share:.0f} % on pads"
+        lines = [f"  {one.object} mm at {100 * one.opening:.0f} % of the opening: {share}"]
+        for i, pad in enumerate(one.pads):
+            row = f"    {pad:<{wide}}  reads {one.read[i]:.2f} N, MuJoCo {one.solver[i]:.2f} N, "
+            lines.append(f"{row}{one.loaded[i]} of {self.taxels} taxels")
+        if one.others:
+            others = ", ".join(f"{name} ({newtons:.2f} N)" for name, newtons in one.others.items())
+            lines += textwrap.wrap(
+                f"also touches: {others}",
+                _COLUMNS,
+                initial_indent=" " * 4,
+                subsequent_indent=" " * 6,
+                break_on_hyphens=False,
+            )
+        return [*lines, *[f"    {one.note}"] * bool(one.note)]
 
     @property
     def _verdict(self) -> str:
         if not self.squeezes:
             return "no pad was tested"
         low = {pad: share for pad, share in self.shares.items() if share < GOOD_SHARE}
-        if not low:
-            return f"the pads carry at least {100 * min(self.shares.values()):.0f} % of the load"
-        worst = ", ".join(f"{pad} {100 * share:.0f} %" for pad, share in low.items())
-        return f"the pads carry less than {100 * GOOD_SHARE:.0f} % of the load: {worst}"
+        if low:
+            worst = ", ".join(f"{pad} {100 * share:.0f} %" for pad, share in low.items())
+            return f"the pads carry less than {100 * GOOD_SHARE:.0f} % of the load: {worst}"
+        least = min(self.shares.values())
+        said = (
+            "the pads carry all of the load"
+            if least > 0.995
+            else f"the pads carry at least {100 * least:.0f} % of the load"
+        )
+        few = [f"{pad} {count} of {self.taxels}" for pad, count in self.touched.items() if count < _FEW * self.taxels]
+        return f"{said}, but some objects touch few taxels: {', '.join(few)}" if few else said
+
+
+def _range(texts: list[str]) -> str:
+    """Return the smallest and the largest of some numbers."""
+    low, high = min(texts, key=float), max(texts, key=float)
+    return low if low == high else f"{low}..{high}"
 
 
 def squeeze(

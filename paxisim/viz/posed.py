@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import textwrap
 from typing import Any
 
@@ -12,9 +13,13 @@ from numpy.typing import NDArray
 from paxisim.models.pads import Pads
 from paxisim.viz.raster import Picture, render
 
+ASIDE = 0.6
+"""Width of a close-up from the side over that of the one from the front."""
+
 _RED = np.array([0.85, 0.2, 0.18])
 _INK = np.array([0.1, 0.12, 0.2])
 _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+_CUBE = np.array(list(itertools.product((-1, 1), repeat=3)))
 _CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 16)), np.sin(np.linspace(0, 2 * np.pi, 16))], axis=1)
 
 _PIXELS = 360  # width and height of each picture
@@ -22,9 +27,11 @@ _TITLE = 26  # letters in a line of a title
 _HAND = 0.25  # m: pads nearer than this belong to one hand
 _AROUND = 0.04  # m: what a picture of a hand shows around its pads
 _SMALL = 1.5  # a robot this many times larger than its hands gets a picture of its own
-_OBLIQUE = np.radians(35)  # angle between the view of a close-up and the pad's normal
-_ASIDE = 0.35  # cosine between the view and the normal of a pad that is just seen well
-_WIDE = 1.5  # half the width of a close-up over the pad's longest side
+_SEEN = 0.35  # cosine between the view and the normal of a pad that is just seen well
+_WIDE = 1.2  # half the width of a close-up over the pad's longest side
+_BESIDE = 2e-3  # m: what the close-up from the side shows in front of the pad
+_THROUGH = 0.6  # opacity of a pad in front of its finger
+_LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.7}
 _COVER = 1e-3  # m: a taxel this far behind what is drawn is hidden
 
 
@@ -88,32 +95,73 @@ class PosedRobot:
             self._arrow(ax, pad, view, 0.12 * half)
         self._number(ax, hand, middle, center, half)
 
-    def draw_close(self, ax: Any, pad: int) -> None:
-        """Draw one pad from close by and obliquely, from the side that hides least of it."""
+    def draw_close(self, front: Any, side: Any, pad: int) -> None:
+        """Draw one pad from close by: its face with row 0 at the top in `front`, and from the side in `side`."""
         half = _WIDE * max(self.pads.layouts[pad].size)
         triangles = self._near(self.middle[pad], 2 * half)
-        points = self.data.geom_xpos[self.pads.geoms[pad]]
         x, y, outward = self.axes[pad, :, 0], self.axes[pad, :, 1], self.outward[pad]
-        best = None
-        for sideways in (x, -x, y, -y):
-            towards = np.cos(_OBLIQUE) * outward + np.sin(_OBLIQUE) * sideways
-            up = y - (y @ towards) * towards
-            up /= np.linalg.norm(up)
-            view = np.stack([np.cross(up, towards), up, towards])
-            center, depth = view[:2] @ self.middle[pad], float(view[2] @ self.middle[pad])
-            picture = render(triangles, view, center, half, _PIXELS, depth + self.length)
-            covered = picture.covered(points, _COVER).mean()
-            if best is None or covered < best[0]:
-                best = covered, picture
-            if covered == 0:
-                break
-        assert best is not None
-        picture = best[1]
-        self._show(ax, picture)
-        self._draw_pad(ax, pad, picture.view, picture)
-        self._arrow(ax, pad, picture.view, 0.6 * half)
+        along = self._towards_tip(pad)
+        picture = self._render(triangles, np.stack([x, -y, outward]), pad, half, self.length)
+        self._show(front, picture)
+        self._draw_pad(front, pad, picture.view, picture)
+        self._name_ends(front, pad, picture, along)
+        self._name_first(front, pad, picture)
         title = textwrap.fill(f"{pad + 1} {self.pads.names[pad]}", _TITLE)
-        ax.set_title(title, fontsize=8, color=_RED, parse_math=False)
+        front.set_title(title, fontsize=8, color=_RED, parse_math=False)
+        # the finger is upright or lies in both pictures
+        height, width = self.pads.layouts[pad].size
+        if abs(along[0]) > abs(along[1]):
+            view, wide = np.stack([x, outward, y]), height
+        else:
+            view, wide = np.stack([-outward, -y, x]), width
+        picture = self._render(triangles, view, pad, half, wide / 2 + _BESIDE)
+        self._show(side, picture)
+        self._draw_side(side, pad, picture.view)
+        self._arrow(side, pad, picture.view, 0.4 * half)
+        self._name_ends(side, pad, picture, along)
+        side.set_xlim(picture.center[0] - ASIDE * half, picture.center[0] + ASIDE * half)
+
+    def _render(
+        self, triangles: NDArray[np.float64], view: NDArray[np.float64], pad: int, half: float, before: float
+    ) -> Picture:
+        """Draw what surrounds a pad, without what is more than `before` nearer to the viewer than its middle."""
+        right, up, depth = view @ self.middle[pad]
+        return render(triangles, view, np.array([right, up]), half, _PIXELS, float(depth) + before)
+
+    def _towards_tip(self, pad: int) -> NDArray[np.float64]:
+        """Return the direction from the base of a pad's finger to the pad, along its x and y; zero if it is unknown.
+
+        The base is the last hinge of the finger, or the body on which the finger slides.
+        """
+        model, link = self.model, int(self.model.body_weldid[self.pads.bodies[pad]])
+        if not link:
+            return np.zeros(2)
+        joints = np.arange(model.body_jntadr[link], model.body_jntadr[link] + model.body_jntnum[link])
+        hinges = joints[model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)]
+        base = self.data.xanchor[hinges[-1]] if len(hinges) else self.data.xpos[model.body_parentid[link]]
+        along = (self.middle[pad] - base) @ self.axes[pad, :, :2]
+        return along if np.linalg.norm(along) > self.length / 4 else np.zeros(2)
+
+    def _name_ends(self, ax: Any, pad: int, picture: Picture, along: NDArray[np.float64]) -> None:
+        """Write "tip" and "palm" at the edges of a close-up, towards these ends of the pad."""
+        if not along.any():
+            return
+        main = int(np.argmax(np.abs(along)))
+        towards = picture.view[:2] @ self.axes[pad, :, main] * np.sign(along[main])
+        style = {"fontsize": 7, "color": _INK, "ha": "center", "va": "center", "zorder": 4}
+        for text, sign in (("tip", 1), ("palm", -1)):
+            ax.text(*(picture.center + sign * 0.93 * picture.half * towards), text, bbox=_LABEL, **style)
+
+    def _name_first(self, ax: Any, pad: int, picture: Picture) -> None:
+        """Write beside the face of a grid which taxels are its row 0 and its column 0."""
+        layout = self.pads.layouts[pad]
+        if min(layout.rows, layout.cols) < 2:
+            return
+        geoms = self.pads.geoms[pad]
+        (x, y), gap = self.data.geom_xpos[geoms[0]] @ picture.view[:2].T, 0.05 * picture.half
+        style = {"fontsize": 6, "color": _RED, "bbox": _LABEL, "zorder": 4}
+        ax.text(x - layout.pitch[1] / 2 - gap, y, "row 0", ha="right", va="center", **style)
+        ax.text(x, y + layout.pitch[0] / 2 + gap, "col 0", ha="center", va="bottom", **style)
 
     def best_view(self, hand: list[int]) -> NDArray[np.float64]:
         """Return the view, from a little above, from which the pads of a hand are seen best."""
@@ -121,7 +169,7 @@ class PosedRobot:
         views += [_view(np.radians(60), np.radians(azimuth)) for azimuth in range(-60, 300, 30)]
         facing = np.array([self.outward[hand] @ view[2] for view in views])
         # of two pads that face each other, one should be seen, but not the back of the other
-        seen = np.clip(facing, 0, _ASIDE) + np.clip(facing + _ASIDE, -1, 0) + 0.2 * facing
+        seen = np.clip(facing, 0, _SEEN) + np.clip(facing + _SEEN, -1, 0) + 0.2 * facing
         steep = np.array([view[2, 2] for view in views])
         return views[int(np.argmax(np.round(seen.mean(axis=1) - 0.1 * steep, 3)))]
 
@@ -163,6 +211,7 @@ class PosedRobot:
             edges = np.ones((len(geoms), 4))
             edges[0, :3] = _RED
             if picture is not None:
+                colors[1:, 3] = _THROUGH
                 covered = picture.covered(corners.mean(axis=1), _COVER)
                 colors[covered, 3] = 0
                 edges[covered, :3] = _RED
@@ -173,6 +222,24 @@ class PosedRobot:
             hull = points[ConvexHull(points, qhull_options="QJ").vertices]
             style = {"facecolors": (0, 0, 0, 0), "edgecolors": [_RED], "linestyles": "dashed", "linewidths": 1}
             ax.add_collection(PolyCollection([hull], zorder=2, **style))
+
+    def _draw_side(self, ax: Any, pad: int, view: NDArray[np.float64]) -> None:
+        """Draw the outlines of a pad's taxels, the nearest last."""
+        from matplotlib.collections import PolyCollection
+        from scipy.spatial import ConvexHull
+
+        model, geoms = self.model, self.pads.geoms[pad]
+        geoms = geoms[np.argsort(self.data.geom_xpos[geoms] @ view[2], kind="stable")]
+        middles = self.data.geom_xpos[geoms] @ view[:2].T
+        if int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
+            outlines = list(middles[:, None] + model.geom_size[geoms][:, None, :1] * _CIRCLE)
+        else:
+            corners = _CUBE * model.geom_size[geoms][:, None]
+            axes = self.data.geom_xmat[geoms].reshape(-1, 3, 3)
+            flat = middles[:, None] + corners @ axes.transpose(0, 2, 1) @ view[:2].T
+            outlines = [points[ConvexHull(points, qhull_options="QJ").vertices] for points in flat]
+        style = {"facecolors": [_RED], "edgecolors": "white", "linewidths": 0.3}
+        ax.add_collection(PolyCollection(outlines, zorder=2, **style))
 
     def _arrow(self, ax: Any, pad: int, view: NDArray[np.float64], length: float) -> None:
         ends = np.array([self.middle[pad], self.middle[pad] + length * self.outward[pad]]) @ view[:2].T

@@ -18,6 +18,8 @@ from paxisim.models.surfaces import shape_of
 _GREY, _INK = np.array([0.80, 0.82, 0.86]), np.array([0.25, 0.27, 0.3])
 _LIGHT = np.array([-0.35, 0.55, 0.76])  # right, up, towards the viewer
 _AT_ONCE = 2_000_000  # pairs of a triangle and a pixel
+_SHOWN = 3  # groups of geoms below this one are shown by default
+_FLAT = 1e-9  # square pixels; triangles seen edge-on cover nothing
 _EDGE = 0.012  # jump in depth that is drawn as a line, as a share of the picture's size
 
 
@@ -52,7 +54,8 @@ def triangles_of(
 ) -> NDArray[np.float64]:
     """Return the corners of everything visible, ``(n, 3, 3)`` in the world frame.
 
-    A body that has meshes which touch nothing, only for looks, is drawn with these instead of its collision geoms.
+    A body that has meshes which touch nothing, only for looks, is drawn with these instead of its collision geoms. A
+    collision geom is drawn with them if it is for looks too: if MuJoCo shows its group and it has its own material.
 
     Args:
         model: Compiled model.
@@ -62,8 +65,12 @@ def triangles_of(
     """
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0) | np.isin(np.arange(model.ngeom), [*replaced])
     is_mesh = model.geom_type == int(mujoco.mjtGeom.mjGEOM_MESH)
-    dressed = np.isin(model.geom_bodyid, model.geom_bodyid[is_mesh & ~collides])
-    drawn = ~(collides & dressed) & ~np.isin(model.geom_bodyid, [*without])
+    looks = is_mesh & ~collides
+    dressed = np.isin(model.geom_bodyid, model.geom_bodyid[looks])
+    worn = set(zip(model.geom_bodyid[looks].tolist(), model.geom_matid[looks].tolist(), strict=True))
+    wears = zip(model.geom_bodyid.tolist(), model.geom_matid.tolist(), strict=True)
+    own = np.array([material >= 0 and (body, material) not in worn for body, material in wears], dtype=bool)
+    drawn = ~(collides & dressed & ~(own & (model.geom_group < _SHOWN))) & ~np.isin(model.geom_bodyid, [*without])
     triangles = [np.zeros((0, 3, 3))]
     for geom in np.flatnonzero(drawn):
         shape = _mesh(model, int(model.geom_dataid[geom])) if is_mesh[geom] else shape_of(model, int(geom))
@@ -112,6 +119,10 @@ def render(
 
 def _draw(part, corners, depths, low, extent, pixels, nearest, depth, owner) -> None:
     """Draw the triangles of one part into the buffers `depth` and `owner`, ``(pixels ** 2,)``."""
+    # twice the area of the triangles
+    a, b, c = (corners[part, i] for i in range(3))
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    part, area = part[np.abs(area) > _FLAT], area[np.abs(area) > _FLAT]
     size = extent[part]
     each = np.prod(size, axis=1)
     which = np.repeat(np.arange(len(part)), each)
@@ -121,12 +132,10 @@ def _draw(part, corners, depths, low, extent, pixels, nearest, depth, owner) -> 
     # weights of the second and third corner and the depth are linear in x and y
     a, b, c = (corners[part, i] for i in range(3))
     first, second = b - a, c - a
-    with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on cover nothing
-        over = 1 / (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-        v = np.stack([second[:, 1] * over, -second[:, 0] * over], axis=1)
-        w = np.stack([-first[:, 1] * over, first[:, 0] * over], axis=1)
-        rise = depths[part, 1:] - depths[part, :1]
-        slope = v * rise[:, :1] + w * rise[:, 1:]
+    v = np.stack([second[:, 1], -second[:, 0]], axis=1) / area[:, None]
+    w = np.stack([-first[:, 1], first[:, 0]], axis=1) / area[:, None]
+    rise = depths[part, 1:] - depths[part, :1]
+    slope = v * rise[:, :1] + w * rise[:, 1:]
     for gradient, constant in ((v, 0), (w, 0), (-v - w, 1)):
         offset = constant - np.sum(gradient * a, axis=1)
         inside = gradient[which, 0] * x + gradient[which, 1] * y + offset[which] >= 0

@@ -88,6 +88,8 @@ BAD = {
         (f"gripper.xml {GRID} --picture b.xml --force", r"must end in \.png"),
         (f"gripper.xml {GRID} --picture /proc/a.png", "cannot write /proc/a.png|folder does not exist"),
         (f"missing.xml {GRID}", "no such model file: missing.xml"),
+        ("missing.xml --rows 4 --cols 4", "no such model file: missing.xml"),
+        ("gripper.xml --rows 4 --cols 4", "a grid needs all of --rows, --cols and --pitch-mm"),
         (f"broken.xml {GRID}", "MuJoCo cannot parse broken.xml"),
         (f"padded.xml {GRID}", "padded.xml has pads of another shape already .left_pad 2x2."),
         (f"gripper.xml {GRID} --mount left_fingr", "did you mean 'left_finger'"),

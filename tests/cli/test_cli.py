@@ -221,9 +221,12 @@ def test_demo_agrees_with_the_known_load_and_finds_a_free_name(capsys):
     assert Path("paxisim-demo-2.png").exists()
 
 
-def test_examples_are_a_gripper_and_a_recording_of_a_sensor_that_reads_too_little():
+def test_examples_are_a_gripper_and_a_recording_of_a_sensor_that_reads_too_little(capsys):
     assert main(["example", "gripper"]) == 0
     assert Path("my_gripper.xml").read_text(encoding="utf-8") == GRIPPER
+    following = capsys.readouterr().out.splitlines()[-1]
+    assert following == "paxisim attach my_gripper.xml --sensor paxini-gen1-l4629 --pool 2 -o tactile_gripper.xml"
+    assert main(shlex.split(following)[1:]) == 0
     assert main(["example", "recording"]) == 0
     recording = paxisim.Recording.load("paired.mcap")
     ratio = recording.measured[:, :, 2].sum() / recording.simulated[:, :, 2].sum()
@@ -243,6 +246,12 @@ def test_the_installed_command_reports_in_the_shell_and_a_reader_may_have_seen_e
         writer.stdout.close()  # as `head` does
         assert writer.stderr.read() == b""
     assert writer.returncode == 0
+    reader, closed = os.pipe()
+    os.close(reader)
+    for words in (["--help"], ["--version"], ["attach", "--help"], ["sensors"]):
+        done = subprocess.run([*command[:3], *words], stdout=closed, stderr=subprocess.PIPE, check=False)
+        assert (done.returncode, done.stderr) == (0, b""), words
+    os.close(closed)
 
 
 INTERRUPTED = """

@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from scenes import GRIPPER, INTO_FINGER, POOLED, TIP_SURFACE
+from scenes import GRIPPER, INTO_FINGER, OWN_GRIPPER, POOLED, TIP_SURFACE, fingertips
 
 import paxisim
 from paxisim import Gel, InvalidValueError, Mount, Pad, TaxelLayout, UnknownNameError, attach, find_pads
@@ -329,3 +329,33 @@ def test_a_mount_has_a_pose_and_by_default_its_bodys_name():
                 Mount("b", **{field: value})
     with pytest.raises(InvalidValueError, match="quat must not be zero"):
         Mount("b", quat=(0, 0, 0, 0))
+
+
+def test_what_attach_and_bind_return_print_as_one_line():
+    gripper = paxisim.attach(OWN_GRIPPER, paxisim.TaxelLayout(4, 3, 4e-3), fingertips())
+    assert repr(gripper) == "TactileGripper(2 pads of 4x3 taxels: left_finger, right_finger)"
+    assert repr(gripper.bind(gripper.compile())) == "Pads(2 pads of 4x3 taxels: left_finger_pad, right_finger_pad)"
+    assert repr(gripper.mounts[0]) == (
+        "Mount('left_finger', pos=(0, 0, -0.019), quat=(0.5, -0.5, -0.5, 0.5), replaces=('left_fingertip',))"
+    )
+    assert repr(paxisim.Mount("jaw", name="upper")) == "Mount('jaw', pos=(0, 0, 0), quat=(1, 0, 0, 0), name='upper')"
+    assert repr(gripper.grips[0]).startswith("Grip(pads=(0, 1), actuators=(0,), ")
+    assert repr(paxisim.find_mounts(OWN_GRIPPER)) == "FoundMounts(2 faces: left_finger, right_finger)"
+    fingers = [f'<body name="f{i}" pos="{0.1 * i} 0 0"><geom size=".01"/></body>' for i in range(5)]
+    many = paxisim.attach(
+        f"<mujoco><worldbody>{''.join(fingers)}</worldbody></mujoco>",
+        paxisim.TaxelLayout(1, 1, 4e-3),
+        [paxisim.Mount(f"f{i}", replaces=(0,)) for i in range(5)],
+    )
+    assert repr(many) == "TactileGripper(5 pads of 1x1 taxels: f0, f1, f2, f3, ...)"
+
+
+def test_a_pad_on_a_body_that_is_called_a_pad_has_no_doubled_word_in_its_name():
+    xml = OWN_GRIPPER.replace('"left_finger"', '"left_pad"').replace('"right_finger"', '"pad"')
+    mounts = [replace(mount, body=body, name="") for mount, body in zip(fingertips(), ("left_pad", "pad"), strict=True)]
+    gripper = attach(xml, POOLED, mounts)
+    assert gripper.pad_names == ("left_tactile_pad", "tactile_pad")
+    again = attach(xml, POOLED, gripper.mounts)
+    assert again.pad_names == gripper.pad_names
+    named = attach(OWN_GRIPPER, POOLED, replace(fingertips()[0], name="my_pad"))
+    assert named.pad_names == ("my_pad_pad",), "a name that the caller gives stays"

@@ -13,11 +13,12 @@ LAYOUT = paxisim.TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
 SMALL = paxisim.TaxelLayout(3, 3, (4e-3, 4e-3))
 
 
-def said(gripper, pad, mounts):
+def said(gripper, pad, mounts, *, but=("sound MJCF", "no longer collide")):
+    """Return the warnings of `attach` without those that have one of the phrases `but` in them."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         paxisim.attach(gripper, pad, mounts)
-    return [str(warning.message) for warning in caught if "sound MJCF" not in str(warning.message)]
+    return [text for text in (str(one.message) for one in caught) if not any(phrase in text for phrase in but)]
 
 
 # places
@@ -77,6 +78,44 @@ def test_three_pairs_of_the_paper_s_pads_on_a_hand():
     large, inside = said(robosuite_gripper_path("inspire_right"), LAYOUT, mounts)
     assert "larger" in large
     assert inside.count(" and ") == 3
+
+
+# what no longer collides
+
+BARE = """<mujoco><worldbody><body name="finger"><joint axis="1 0 0"/>
+  <geom name="bone" type="box" size=".01 .04 .005" pos="0 .04 0"/>{}
+</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("end", "replaces", "length"),
+    [
+        (0.075, ("bone",), "70"),
+        (0.02, ("bone",), "55"),
+        (0.04, ("bone",), "35"),
+        (0.04, (), ""),  # nothing is switched off
+        (0.075, ("bone", "behind"), "70"),
+    ],
+)
+def test_a_pad_that_replaces_a_finger_longer_than_itself(end, replaces, length):
+    behind = '<geom name="behind" type="box" size=".01 .04 .001" pos="0 .04 -.004"/>' if "behind" in replaces else ""
+    mount = paxisim.Mount("finger", (0, end, 0.005), (0, 1, 0, 0), replaces)  # the pad is 10 mm long
+    found = [text for text in said(BARE.format(behind), paxisim.TaxelLayout(2, 2, 5e-3), [mount], but=())
+             if "no longer collide" in text]  # fmt: skip
+    assert len(found) == bool(length)
+    assert all(f"'finger_pad' on 'finger', {length} mm, and the pad is 10 mm long" in text for text in found)
+
+
+def test_what_still_collides_or_is_shorter_than_the_pad_is_only_a_note():
+    # another geom in its place still collides
+    lower = '<geom name="lower" type="box" size=".01 .04 .0055" pos="0 .04 -.0005"/>'
+    on_it = paxisim.Mount("finger", (0, 0.04, 0.005), (0, 1, 0, 0), ("bone",))
+    assert not any("collide" in t for t in said(BARE.format(lower), paxisim.TaxelLayout(2, 2, 5e-3), [on_it], but=()))
+    # fingers of 28 x 24 mm under pads of 19 x 19 mm, at whose tips they are found
+    report = paxisim.attach(OWN_GRIPPER, paxisim.TaxelLayout(4, 4, 4.7e-3)).report
+    assert (
+        "note: beyond the edges of their pads, fingers no longer collide: left_finger 5 mm, right_finger 5 mm" in report
+    )
 
 
 # geoms that take the load of a pad

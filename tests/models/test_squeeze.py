@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from pathlib import Path
 
 import mujoco
@@ -10,6 +12,7 @@ import pytest
 from fingers import BOX, bending_hand, on_arm, one_jaw, robot, three_fingers, two_fingers
 
 import paxisim
+from paxisim.models import bench
 
 LAYOUT = paxisim.TaxelLayout(4, 3, 4e-3)
 HANDS = Path(__file__).parents[2].parent / "shared" / "data" / "hands"
@@ -57,6 +60,40 @@ def test_the_pads_of_right_mounts_carry_everything_at_every_opening():
         assert one.loaded.tolist() == [12, 12]
     thickness = [float(one.object.split()[1]) for one in result.squeezes[::2]]
     assert thickness == pytest.approx([0.2 * 80, 0.5 * 80, 0.8 * 80], abs=1)
+
+
+def test_the_result_prints_a_line_for_each_pad_and_names_few_taxels():
+    result = paxisim.squeeze(paxisim.attach(gripper_of(), LAYOUT, PAIR))
+    head, *pads, verdict = str(result).splitlines()
+    assert head.split("  ")[-1] == "taxels touched, of 12"
+    assert [line.split()[:4] for line in pads] == [[f"{side}_pad", "6", "boxes", "100"] for side in ("left", "right")]
+    assert all(line.endswith(" 12") for line in pads)
+    assert verdict == "the pads carry all of the load"
+    assert repr(result) == "SqueezeResult(6 objects, passed)"
+    edge = dataclasses.replace(result.squeezes[0], loaded=np.array([12, 1]))
+    result = dataclasses.replace(result, squeezes=(edge, *result.squeezes[1:]))
+    assert result.touched == {"left_pad": 12, "right_pad": 1}
+    assert str(result).splitlines()[2].endswith(" 1..12")
+    assert str(result).endswith("the pads carry all of the load, but some objects touch few taxels: right_pad 1 of 12")
+
+
+@pytest.mark.parametrize(("note", "said"), [(bench._SLIPPED, "it was ejected"), (bench._UNSTABLE, "unstable")])
+def test_of_an_object_that_is_ejected_no_force_is_told(monkeypatch, note, said):
+    drive, read = bench.Bench._drive, bench.Bench._read
+
+    def ejecting(self, actuators, ramp, *, limit=np.inf, **options):
+        return drive(self, actuators, ramp, limit=limit, **options) or ("" if limit == np.inf else note)
+
+    def huge(self, data, note):
+        loads = read(self, data, note)
+        return dataclasses.replace(loads, normal=1e5 * loads.normal, read=1e5 * loads.read, solver=1e5 * loads.solver)
+
+    monkeypatch.setattr(bench.Bench, "_drive", ejecting)
+    monkeypatch.setattr(bench.Bench, "_read", huge)
+    result = squeezed(gripper_of(), PAIR)
+    assert not result.passed
+    assert str(result).count(said) == len(result.squeezes)
+    assert max(float(word) for word in re.findall(r"(\S+) N", str(result))) == 0
 
 
 # wrong mounts

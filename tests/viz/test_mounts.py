@@ -1,13 +1,18 @@
 """Pictures of a gripper with its pads: what a person must be able to tell from them."""
 
 import io
+import warnings
+from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
 import paxisim
+from paxisim.viz.raster import render, triangles_of
 from paxisim.viz.scene_picture import plot_scene
 
 GRIPPER = files("paxisim").joinpath("data/two_finger_gripper.xml").read_text(encoding="utf-8")
@@ -37,11 +42,44 @@ def test_one_picture_shows_all_pads_with_numbers_and_one_close_up_each_has_its_n
     # of two opposing pads, one shows its taxels and the other an outline
     assert sorted(faces(pad) for pad in pads_drawn(overview)) == [(1, 0), (12, 12)]
     assert texts_of(overview) == ["1", "2"]
-    assert [ax.get_title() for ax in close_ups] == [f"{i + 1} {name}" for i, name in enumerate(gripper.pad_names)]
-    for ax in close_ups:
-        (pad,) = pads_drawn(ax)
+    fronts, sides = close_ups[::2], close_ups[1::2]
+    assert [ax.get_title() for ax in fronts] == [f"{i + 1} {name}" for i, name in enumerate(gripper.pad_names)]
+    for front, side in zip(fronts, sides, strict=True):
+        (pad,), (edge,) = pads_drawn(front), pads_drawn(side)
         assert faces(pad) == (12, 12)
         assert pad.get_facecolor()[:, :3].min(axis=1).tolist().count(1.0) == 1, "one taxel should be white"
+        assert np.ptp(np.concatenate([path.vertices for path in edge.get_paths()]), axis=0) == pytest.approx(
+            [1e-3, 0.02], rel=1e-6
+        )  # a pad 1 mm thick and 20 mm high
+        assert front.get_ylim() == pytest.approx(side.get_ylim()), "both close-ups should have the same scale"
+
+
+def test_the_face_of_a_pad_is_drawn_as_its_tensor():
+    gripper = paxisim.attach(GRIPPER, GRID)
+    turned = [replace(m, quat=(-m.quat[3], m.quat[2], -m.quat[1], m.quat[0])) for m in gripper.mounts]
+    for mounts, tip_is_below in ((gripper.mounts, True), (turned, False)):
+        front, side = paxisim.plot_mounts(paxisim.attach(GRIPPER, GRID, mounts)).axes[1:3]
+        (pad,) = pads_drawn(front)
+        white = pad.get_facecolor()[:, :3].min(axis=1) == 1
+        middles = np.array([path.vertices[:4].mean(axis=0) for path in pad.get_paths()])
+        assert middles[white][0] == pytest.approx([middles[:, 0].min(), middles[:, 1].max()]), "row 0, column 0"
+        at = {text.get_text(): text.get_position() for text in front.texts}
+        assert at["row 0"][1] == pytest.approx(middles[white][0, 1])
+        assert at["col 0"][0] == pytest.approx(middles[white][0, 0])
+        assert (at["tip"][1] < at["palm"][1]) == tip_is_below
+        at = {text.get_text(): text.get_position() for text in side.texts}
+        assert (at["tip"][1] < at["palm"][1]) == tip_is_below
+
+
+def test_a_finger_that_lies_across_its_pad_lies_in_both_close_ups():
+    finger = """<mujoco><worldbody><body name="finger"><joint axis="0 1 0"/>
+      <geom name="bone" type="box" size=".04 .01 .01" pos=".04 0 0"/>
+    </body></worldbody></mujoco>"""
+    gripper = paxisim.attach(finger, GRID, [paxisim.Mount("finger", (0.06, 0, 0.01), (0, 1, 0, 0), ("bone",))])
+    for ax in paxisim.plot_mounts(gripper).axes[1:3]:
+        at = {text.get_text(): text.get_position() for text in ax.texts if text.get_text()}
+        assert at["tip"][0] > at["palm"][0]
+        assert at["tip"][1] == pytest.approx(at["palm"][1])
 
 
 ARM = """<body name="{name}_arm" pos="0 {y} 0">
@@ -58,7 +96,7 @@ def test_the_hands_of_a_large_robot_get_pictures_of_their_own():
     xml = f"<mujoco><worldbody>{arms}</worldbody></mujoco>"
     figure = paxisim.plot_mounts(paxisim.attach(xml, GRID, mounts))
     robot, *hands = figure.axes[:3]
-    assert len(figure.axes) == 5
+    assert len(figure.axes) == 7
     assert np.ptp(robot.get_xlim()) > 0.8
     for ax, number in zip(hands, "12", strict=True):
         assert np.ptp(ax.get_xlim()) < 0.3
@@ -75,7 +113,7 @@ def test_numbers_do_not_overlap():
     figure = paxisim.plot_mounts(paxisim.attach(xml, paxisim.TaxelLayout(4, 3, 3e-3), mounts))
     figure.savefig(io.BytesIO())  # computes the figure layout
     texts = [text for ax in figure.axes for text in (*ax.texts, ax.title) if text.get_text()]
-    assert len(texts) == 16
+    assert len(texts) == 32
     boxes = [text.get_window_extent() for text in texts]
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
@@ -89,6 +127,55 @@ def test_taxels_that_something_covers_are_hollow():
         hollow.append(36 - faces(pad)[1])
     assert hollow[0] == 0
     assert 6 <= hollow[1] <= 18
+
+
+DRESSED = """<mujoco>
+  <asset>
+    <material name="black" rgba="0 0 0 1"/><material name="white"/>
+    <mesh name="bone" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .06"/>
+  </asset>
+  <worldbody><body>
+    <geom type="mesh" mesh="bone" material="black" contype="0" conaffinity="0"/>
+    <geom type="box" size=".02 .02 .02" {0}/>
+  </body></worldbody>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("attributes", "drawn"),
+    [("", False), ('material="black"', False), ('material="white"', True), ('material="white" group="3"', False)],
+)
+def test_a_collision_geom_of_a_dressed_body_is_drawn_if_it_is_for_looks_too(attributes, drawn):
+    model = mujoco.MjModel.from_xml_string(DRESSED.format(attributes))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert len(triangles_of(model, data, without=(), replaced=())) == 4 + 12 * drawn
+
+
+def test_triangles_that_are_seen_edge_on_or_have_no_area_are_left_out_without_a_warning():
+    upright = [[0, 0, 0], [0.5, 0, 0], [0.2, 0, 0.5]]
+    point, line = [[0.5, 0.5, 0]] * 3, [[0, 0.5, 0], [0.1, 0.5, 0], [0.2, 0.5, 0]]
+    face = [[-0.5, -0.5, 0], [0, -0.5, 0], [-0.5, 0, 0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        together, alone = (
+            render(np.array(some, dtype=float), np.eye(3), np.zeros(2), 1.0, 50)
+            for some in ([upright, point, line, face], [face])
+        )
+    np.testing.assert_array_equal(together.depth, alone.depth)
+
+
+def test_the_rubber_tips_of_a_leap_hand_are_in_the_picture():
+    hand = Path(__file__).parents[2].parent / "shared" / "data" / "hands" / "leap_hand" / "right_hand.xml"
+    if not hand.exists():
+        pytest.skip("needs the hands of MuJoCo Menagerie")
+    mount = paxisim.Mount("if_ds", (-0.0111, -0.0352, 0.0148), (0.0077, -0.7054, 0.0014, -0.7088), ("if_tip",))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        front = paxisim.plot_mounts(paxisim.attach(hand, GRID, [mount])).axes[-2]
+    alpha = front.get_images()[0].get_array()[:, :, 3]
+    middle = slice(3 * len(alpha) // 8, 5 * len(alpha) // 8)
+    assert alpha[middle, middle].all(), "the tip should fill the picture behind the pad"
 
 
 @pytest.mark.robosuite
