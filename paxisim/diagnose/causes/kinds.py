@@ -54,7 +54,8 @@ class Cause:
             the end.
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
-        copies: Function that returns how many pads have parameters of their own. It multiplies the price.
+        copies: Function that returns how many pads have parameters of their own, whose names end in the pad's index.
+            It multiplies the price.
     """
 
     name: str
