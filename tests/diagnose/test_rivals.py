@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from recorded import diagnosed, names, plain
+from recorded import diagnosed, motions_of, names, plain
 
 from paxisim import augment
-from paxisim.diagnose.explain.advice import motions_of
 
 SLOW = {"family": "poor", "duration": 9.0}
 """One slow speed, one direction of shear."""

@@ -1,5 +1,7 @@
 """Causes known to a diagnosis: a plain tuple plus the causes added by the user."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 from recorded import diagnosed, names, plain
@@ -62,6 +64,49 @@ def test_a_name_is_taken_once(own):
     assert len(CAUSES) == len(VOCABULARY)
     with pytest.raises(UnknownNameError, match="creep"):
         vocabulary.cause("crep")
+
+
+@pytest.mark.parametrize(
+    ("field", "given", "valid"),
+    [("excites", "levels", "triangles, holds, taps"), ("picture", "curve", "curves, edges"), ("picture", "", "plain")],
+)
+def test_a_motion_or_picture_that_does_not_exist_is_refused_before_the_fit(own, field, given, valid):
+    with pytest.raises(
+        InvalidValueError, match=f"{field} of the cause 'pad_gain' must be one of .*{valid}.*, got '{given}'"
+    ):
+        register_cause(replace(pad_gain(), **{field: given}))
+    assert "pad_gain" not in known_causes()
+
+
+@dataclass(frozen=True, eq=False)
+class Summed(augment.Transform):
+    """A transform that forgets to keep the shape of a frame."""
+
+    def apply(self, x, covariates):
+        return x.sum()
+
+
+@dataclass(frozen=True, eq=False)
+class Remembers(augment.StatefulTransform):
+    """The same with memory."""
+
+    def initial_state(self, x, covariates=None):
+        return ()
+
+    def advance(self, x, state, dt, covariates):
+        return x[..., :1, :, :], state
+
+
+def test_a_transform_that_changes_the_shape_is_refused(own):
+    frame = np.ones((2, 3, 4, 5))
+    with pytest.raises(InvalidValueError, match=r"Summed returned shape \(\) for a tensor of shape \(2, 3, 4, 5\)"):
+        Summed()(frame)
+    with pytest.raises(InvalidValueError, match=r"Remembers returned shape \(2, 1, 4, 5\)"):
+        Remembers().step(frame, (), 0.1)
+    cause = replace(pad_gain(), make=lambda values, problem: Summed())
+    register_cause(cause)
+    with pytest.raises(InvalidValueError, match="Summed returned shape"):
+        diagnosed(plain(seed=2), ("pad_gain",))
 
 
 def test_a_cause_of_ones_own_takes_part(own):
