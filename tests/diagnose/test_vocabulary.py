@@ -1,6 +1,8 @@
 """Causes known to a diagnosis: a plain tuple plus the causes added by the user."""
 
+import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from recorded import diagnosed, names, plain
 from paxisim import augment
 from paxisim.diagnose import Cause, FittedCause, Free, known_causes, register_cause
 from paxisim.diagnose.causes import vocabulary
+from paxisim.diagnose.causes.kinds import PICTURES
 from paxisim.diagnose.causes.vocabulary import CAUSES
+from paxisim.diagnose.data.motions import MOTIONS
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 SCENE = {
@@ -76,6 +80,13 @@ def test_a_motion_or_picture_that_does_not_exist_is_refused_before_the_fit(own, 
     ):
         register_cause(replace(pad_gain(), **{field: given}))
     assert "pad_gain" not in known_causes()
+
+
+def test_the_page_on_causes_lists_the_motions_and_pictures():
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "add-a-cause.md").read_text(encoding="utf-8")
+    for title, valid in (("### Motions", MOTIONS), ("### Pictures", PICTURES)):
+        table = page.partition(title)[2].partition("\n#")[0]
+        assert sorted(re.findall(r"^\| `(\w+)` \| \w", table, re.MULTILINE)[1:]) == sorted(valid)
 
 
 @dataclass(frozen=True, eq=False)
