@@ -113,7 +113,7 @@ class Transform:
         if self.has_memory:
             raise InvalidValueError(f"{self.name} remembers earlier frames: use step(x, state, dt) or run(x, time)")
         self._check_frame(x)
-        return self.apply(x, covariates or {})
+        return self._checked(self.apply(x, covariates or {}), x)
 
     def initial_state(self, x: Any, covariates: Covariates | None = None) -> State:
         """Return the state of a stream that starts with frame `x`, treated as constant before the stream."""
@@ -267,6 +267,16 @@ class Transform:
         if not is_floating(x):
             raise InvalidValueError(f"{self.name} expected a floating point tensor in newtons, got {x.dtype}")
 
+    def _checked(self, out: Any, x: Any) -> Any:
+        """Return the transformed frames; one of another shape would later broadcast against others without a word."""
+        shape = tuple(getattr(out, "shape", ()))
+        if shape[-4:] != tuple(x.shape[-4:]):
+            raise InvalidValueError(
+                f"{self.name} returned shape {shape} for a tensor of shape {tuple(x.shape)}: pads, axes, rows and "
+                "columns must stay as they are"
+            )
+        return out
+
     def _check_dt(self, dt: Any) -> None:
         if not isinstance(dt, (int, float)):
             check(self.name, "dt", dt, _DT)
@@ -305,7 +315,8 @@ class StatefulTransform(Transform):
         """See `Transform.step`."""
         self._check_frame(x)
         self._check_dt(dt)
-        return self.advance(x, state, lift(dt, "", x), covariates or {})
+        out, state = self.advance(x, state, lift(dt, "", x), covariates or {})
+        return self._checked(out, x), state
 
 
 def keep(x: Any) -> Any:

@@ -137,14 +137,17 @@ def _explained(
 
     tell("looking for rivals", 0.9)
     causes = found_causes(found, squares, seed, jobs)
-    short = near_misses(found, causes)
+    short, bounded = near_misses(found, causes), at_bounds(found)
     doubts = (*ready.doubts, *confirmed.structure, *short.values())
+    why = [f"{item.what[0].upper()}{item.what[1:]}" for item in ready.doubts]
+    why += ["The residual has structure"] if confirmed.structure else []
+    why += [words.partition(":")[0] for words in (*(item.what for item in short.values()), *bounded.values())]
     untestable = {**ready.not_searched, **not_excited(found.problem, ready.wanted, found.scorer.rules)}
     untestable = {n: why for n, why in untestable.items() if n not in {item.name for item in causes}}
     shift = float(recording.metadata.get("clocks_aligned_by", 0.0))
     warnings = caveats(found, confirmed.dropped, recording.pads, "replay" in recording.metadata)
     return Diagnosis(
-        verdict=_verdict(causes, bool(doubts or at_bounds(found)), len(raw.episodes) == 1, bool(shift)),
+        verdict=_verdict(causes, bool(doubts or bounded), len(raw.episodes) == 1, bool(shift)),
         clock_shift=shift,
         causes=causes,
         heldout=figures(squares, seed, black_box, note),
@@ -168,6 +171,7 @@ def _explained(
             symptoms(judged, raw.simulated, found.prediction, recording.pads),
             warnings=(*ready.warnings, *warnings),
             left_over=doubts,
+            reasons=tuple(f"{words}." for words in why),
         ),
         advice=advice(
             [(item.name, item.rivals) for item in causes],

@@ -72,12 +72,18 @@ class FittedParameter:
         unit: Unit, ``"1"`` if dimensionless.
         value: The estimate with its 90% interval.
         words: Explanation, if the name alone is not clear.
+        neutral: Value without effect, if one is known.
+        size: Deviation from neutral, in units of the smallest that matters; None if no such unit is known.
+        pad: Index of the pad that it belongs to; None if it belongs to all.
     """
 
     name: str
     unit: str
     value: Interval
     words: str = ""
+    neutral: float | None = None
+    size: float | None = None
+    pad: int | None = None
 
 
 @dataclass(frozen=True)
@@ -195,6 +201,7 @@ class Symptoms:
         phases: Shares by phase: free, loading, holding, unloading, sliding.
         frequencies: Shares by frequency band.
         covariates: Squared correlation of the error with each covariate.
+        reasons: Why the named causes are no full explanation, in sentences.
     """
 
     warnings: tuple[str, ...] = ()
@@ -205,6 +212,7 @@ class Symptoms:
     phases: tuple[Place, ...] = ()
     frequencies: tuple[Place, ...] = ()
     covariates: tuple[Place, ...] = ()
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

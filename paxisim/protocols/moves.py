@@ -8,7 +8,7 @@ from paxisim.protocols.protocol import PEAK_TO_MEAN_SPEED
 from paxisim.protocols.segment import Segment
 
 UNLOADED_SECONDS = 60.0
-"""Time without load (s), as recommended in `paxisim.diagnose.explain.advice.MOTIONS`."""
+"""Time without load (s), as recommended in `paxisim.diagnose.data.motions.MOTIONS`."""
 HOLD_SECONDS = 30.0
 """Duration of a held press (s), from the same table."""
 STAIRCASE_LEVELS = 6

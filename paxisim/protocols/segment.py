@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from paxisim.diagnose.causes.vocabulary import cause, known_causes
-from paxisim.diagnose.explain.advice import MOTIONS
+from paxisim.diagnose.data.motions import MOTIONS
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 
@@ -19,7 +19,7 @@ class Segment:
         episode: Episode of the recording that the segment belongs to.
         does: Description of the motion.
         motions: Motions recommended by a diagnosis that the segment provides: keys of
-            `paxisim.diagnose.explain.advice.MOTIONS`; empty for a move from one place to the next.
+            `paxisim.diagnose.data.motions.MOTIONS`; empty for a move from one place to the next.
         waypoints: Points where the motion rests, each a time (s, from the beginning of the protocol) and a position of
             each stream (m).
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import paxisim
+from paxisim.diagnose.data.motions import MOTIONS
 from paxisim.recording import Recording
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -17,7 +18,18 @@ from hidden.compare import named
 from hidden.effects import EFFECTS
 from hidden.outsiders import LEARNT, OUTSIDERS
 
-__all__ = ["EFFECTS", "LEARNT", "OUTSIDERS", "diagnosed", "make", "names", "plain", "recording_of", "small"]
+__all__ = [
+    "EFFECTS",
+    "LEARNT",
+    "OUTSIDERS",
+    "diagnosed",
+    "make",
+    "motions_of",
+    "names",
+    "plain",
+    "recording_of",
+    "small",
+]
 
 SMALL = {"rows": 4, "cols": 3, "rate": 20, "duration": 6.0}
 
@@ -62,3 +74,9 @@ def diagnosed(recording, causes=None, **arguments):
 def names(diagnosis):
     """Return the names of the named causes, or of their parts, largest gain first; see `hidden.compare.named`."""
     return list(named(diagnosis))
+
+
+def motions_of(lines):
+    """Return the names of the motions that the advice asks for, in order of first mention and without repeats."""
+    found = {name: line for line in reversed(lines) for name, text in MOTIONS.items() if text in line}
+    return tuple(sorted(found, key=lambda name: lines.index(found[name])))

@@ -1,9 +1,11 @@
 """Advice names the motions that excite a cause or separate rivals."""
 
-from recorded import diagnosed, make, recording_of
+from recorded import diagnosed, make, motions_of, recording_of
 
 from paxisim.diagnose.causes.vocabulary import CAUSES
-from paxisim.diagnose.explain.advice import MOTIONS, advice, motions_of
+from paxisim.diagnose.data.motions import MOTIONS, PROTOCOLS
+from paxisim.diagnose.explain.advice import advice
+from paxisim.protocols.ready import known_protocols, protocol
 
 EXCITES = {item.name: item.excites for item in CAUSES}
 
@@ -36,6 +38,19 @@ def test_sentences_say_what_they_are_for():
     assert lines[0].startswith("to separate hysteresis from creep: press and release in a triangle wave at three")
     assert any(line.startswith("to test for drift") for line in lines)
     assert not any("layout" in line for line in lines)
+
+
+def test_a_motion_that_a_protocol_has_comes_with_its_command():
+    provided = {n: {m for own in protocol(n).segments for m in own.motions} for n in known_protocols()}
+    assert {name: set(motions.split()) for name, motions in PROTOCOLS.items()} == provided
+    for cause, motion in EXCITES.items():
+        (line,) = asked([], {cause: "too weak"})
+        names = " or ".join(name for name, motions in provided.items() if motion in motions)
+        assert line.endswith(f" (for a robot: paxisim protocol {names})" if names else MOTIONS[motion]), cause
+    (line,) = asked([("rotation", ("creep",))])
+    assert line.endswith("(for a robot: paxisim protocol press)"), "the protocol that has both motions"
+    (line,) = asked([("gel_operator", ("creep",))])
+    assert "paxisim protocol" not in line
 
 
 def test_no_neighbours_are_asked_for_of_a_pad_of_one_taxel():

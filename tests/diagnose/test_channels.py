@@ -60,6 +60,9 @@ def test_a_black_box_that_explains_more_is_commented_on():
     figures = HeldOut(0.2, 0.1, 0.02, "repeated motions", Interval(0.75, 0.7, 0.8), (0.7, 0.8), 0.05, 0.95)
     assert "another 20% of the explainable error" in black_box_in_words(figures)
     assert black_box_in_words(replace(figures, ceiling_explained=0.79)) == ""
+    alone = replace(figures, explained=Interval(0.75))
+    assert black_box_in_words(replace(alone, ceiling_explained=0.754)) == "", "another 0% is nothing"
+    assert "another 1%" in black_box_in_words(replace(alone, ceiling_explained=0.76))
 
 
 def test_straight_sensors_and_force_sensors_have_no_curve():

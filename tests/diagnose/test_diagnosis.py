@@ -141,6 +141,7 @@ def test_what_is_outside_the_vocabulary_is_not_explained(hidden, options, causes
     assert found.verdict in ("unexplained", "partly_explained")
     assert any(left in item.what for item in found.symptoms.left_over)
     assert any("unexplained residual" in line for line in found.advice)
+    assert found.symptoms.reasons[0] == "The residual has structure."
 
 
 def changed(given, **streams):

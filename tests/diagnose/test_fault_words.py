@@ -1,5 +1,7 @@
 """The table and the report state what is wrong with a layout and which taxels are swapped or dead."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -85,3 +87,17 @@ def test_the_report_says_it_too_and_of_many_taxels_a_few_are_listed():
     assert fault_in_words(found, "creep") == ""
     assert "24 numbers from" in str(found)
     assert "not asked for" not in str(found)
+
+
+def test_a_long_array_says_what_its_numbers_are_and_is_left_out_beside_other_parameters():
+    def text_of(name, indices, *others):
+        places = ["_".join(map(str, place)) for place in np.ndindex(*indices)]
+        many = [FittedParameter(f"{name}_{place}", "N", Interval(0.1)) for place in places]
+        found = diagnosis("creep", Creep((0.2,), (0.3,)))
+        return str(replace(found, causes=(replace(found.causes[0], parameters=(*others, *many)),)))
+
+    assert "gain of 24 taxels from 0.1 to 0.1 N" in text_of("gain", (2, 4, 3))
+    assert "offset of 72 channels from" in text_of("offset", (2, 3, 4, 3))
+    assert "amounts of 72 channels from" in text_of("amounts", (3, 2, 3, 4, 3))
+    width = FittedParameter("loop_width", "1", Interval(0.1), size=9.0)
+    assert "loop_width 0.1\n" in text_of("play", (10,), width)

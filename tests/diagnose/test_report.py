@@ -18,7 +18,7 @@ from report_pages import check_pictures, pictures_of, recording
 from paxisim.diagnose import Diagnosis
 from paxisim.diagnose.causes.vocabulary import cause
 from paxisim.diagnose.pipeline import diagnose
-from paxisim.diagnose.result import Interval, Symptoms
+from paxisim.diagnose.result import Interval, LeftOver, Symptoms
 from paxisim.errors import MissingExtraError
 
 CHROME = browser.find()
@@ -61,16 +61,16 @@ def titles_of(page):
 @pytest.mark.parametrize(
     ("gains", "explained", "words"),
     [
-        ((0.76, 0.22), 0.99, "Explained by creep (76%) and axis gain (22%)"),
-        ((0.03, 0.02), 0.87, "Explained by creep and axis gain (87% together)"),
-        ((0.999, 0.0), 1.0, "Explained by creep (over 99%) and axis gain (0%)"),
+        ((0.76, 0.22), 0.99, "Explained by creep (76%) and axis gain (22%, or stiffening)"),
+        ((0.03, 0.02), 0.87, "Explained by creep and axis gain (or stiffening) (87% together)"),
+        ((0.999, 0.0), 1.0, "Explained by creep (over 99%) and axis gain (0%, or stiffening)"),
     ],
 )
-def test_the_headline_gives_the_gains_that_add_up(two, gains, explained, words):
-    names = ("creep", "axis_gain")
+def test_the_headline_gives_the_gains_that_add_up_and_the_rivals(two, gains, explained, words):
+    names, rivals = ("creep", "axis_gain"), ((), ("stiffening",))
     causes = tuple(
-        dataclasses.replace(own, name=name, gain=Interval(gain))
-        for own, name, gain in zip(two.causes, names, gains, strict=True)
+        dataclasses.replace(own, name=name, gain=Interval(gain), rivals=others)
+        for own, name, gain, others in zip(two.causes, names, gains, rivals, strict=True)
     )
     heldout = dataclasses.replace(two.heldout, explained=Interval(explained))
     found = dataclasses.replace(two, verdict="explained", causes=causes, heldout=heldout)
@@ -87,7 +87,7 @@ def test_two_causes_each_with_its_pictures_and_figures(two, pages):
         assert len(titles_of(section)) == 2
         assert cause(each.name).words in html.unescape(section)
         assert each.evidence in html.unescape(section)
-        assert all(p.name in section and str(p.value) in section for p in each.parameters)
+        assert all(str(p.value) in section for p in each.parameters)
         assert f"{each.gain.value:.0%}" in section
         assert "confidence" in section
     titles = titles_of(page)
@@ -104,6 +104,46 @@ def test_two_causes_each_with_its_pictures_and_figures(two, pages):
     assert shift == pytest.approx(1e3 * delay, abs=5)
     section = section_of(pages["interfered"], "interference")
     assert all("with the gripper opening" in title for title in titles_of(section))
+
+
+def test_what_differs_most_comes_first_with_the_names_of_the_pads(two, pages):
+    (rotation,) = (each for each in two.causes if each.name == "rotation")
+    angles = {p.name: p for p in rotation.parameters}
+    assert {p.pad for p in rotation.parameters} == {0, 1}
+    assert all(p.size == pytest.approx(abs(p.value.value) / 0.012) for p in rotation.parameters)
+    assert all(
+        angles[f"about_{axis}_{pad}"].size < 1 < angles[f"about_z_{pad}"].size for axis in "xy" for pad in (0, 1)
+    )
+    top = html.unescape(re.search(r"<dt>What differs</dt>.*?</dl>", pages["two"], re.DOTALL)[0])
+    for shown in (top, str(two)):
+        flat = " ".join(shown.split())
+        for pad, name in enumerate(("left", "right")):
+            value = angles[f"about_z_{pad}"].value
+            assert f"{name}: about z {value} rad ({np.rad2deg(value.value):.1f} deg)" in flat
+        assert ", 4 others near 0" in flat
+        assert "about x" not in flat
+    assert section_of(pages["two"], "rotation").count("about x") == 2, "the details have all"
+    assert "Wrong" not in pages["two"]
+
+
+@pytest.mark.parametrize(
+    ("reasons", "left", "words"),
+    [
+        (("The residual has structure.",), True, "(1%). The residual has structure. See What remains."),
+        (("tau_2 of creep is at its bound, 20 s.",), False, "(1%). tau_2 of creep is at its bound, 20 s."),
+        (("stiffening is a near miss.",), True, "(1%). stiffening is a near miss. See What remains."),
+    ],
+)
+def test_it_is_said_why_a_part_remains(two, reasons, left, words):
+    causes = tuple(
+        dataclasses.replace(own, gain=Interval(gain)) for own, gain in zip(two.causes, (0.9, 0.01), strict=True)
+    )
+    left_over = (LeftOver("something", 2.0, 1.0),) if left else ()
+    symptoms = dataclasses.replace(two.symptoms, reasons=reasons, left_over=left_over)
+    heldout = dataclasses.replace(two.heldout, explained=Interval(0.91))
+    found = dataclasses.replace(two, verdict="partly_explained", causes=causes, heldout=heldout, symptoms=symptoms)
+    first = " ".join(str(found).split()).partition(" Warning")[0].partition(" Cause")[0]
+    assert first.endswith(words)
 
 
 def test_every_page_has_sound_pictures_and_loads_nothing(pages):

@@ -12,6 +12,7 @@ from report_pages import check_pictures, drawn, pictures_of, recording
 
 from paxisim import augment
 from paxisim.diagnose import Diagnosis
+from paxisim.diagnose.causes.kinds import PICTURES as KINDS
 from paxisim.diagnose.causes.vocabulary import CAUSES, cause
 from paxisim.diagnose.data.problem import problem_of
 from paxisim.diagnose.report.effect import effects, run
@@ -70,6 +71,7 @@ def given():
 def test_every_cause_has_words_a_kind_of_picture_and_two_pictures(given):
     assert all(item.words.endswith(".") for item in CAUSES)
     assert {item.picture for item in CAUSES} == set(PICTURES) - {"plain"}
+    assert sorted(KINDS) == sorted(PICTURES), "what register_cause accepts is what a report draws"
     assert not set(PICTURES) & {item.name for item in CAUSES}, "kinds of picture and causes must have different names"
     problem = problem_of(given)
     for item in CAUSES:

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from recorded import diagnosed, names, plain
+from recorded import diagnosed, motions_of, names, plain
 
 from paxisim import augment
-from paxisim.diagnose.explain.advice import motions_of
 
 SLOW = {"family": "poor", "duration": 9.0}
 """One slow speed, one direction of shear."""
@@ -66,12 +65,14 @@ def test_a_faint_second_cause_is_not_passed_over(amplitude, faint):
     assert any("creep" in item.what for item in found.symptoms.left_over) is faint
     assert any("creep" in line for line in found.advice) is faint
     assert found.verdict == ("partly_explained" if faint else "explained")
+    assert ("creep is a near miss." in found.symptoms.reasons) is faint
 
 
 def test_a_number_at_its_bound_leaves_half_of_the_confidence():
     creep = augment.Creep((2.5,), (1.0,))
     found = diagnosed(plain(creep.run, seed=3), ("creep",))
     assert names(found) == ["creep"]
-    assert any("amplitude of creep is at its bound, 1.5" in warning for warning in found.symptoms.warnings)
+    assert any("amplitude of creep is at its bound, 1.5:" in warning for warning in found.symptoms.warnings)
+    assert "amplitude of creep is at its bound, 1.5." in found.symptoms.reasons
     assert found.confidence["creep"] <= 0.5
     assert found.verdict == "partly_explained"

@@ -1,5 +1,9 @@
 """Causes known to a diagnosis: a plain tuple plus the causes added by the user."""
 
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from recorded import diagnosed, names, plain
@@ -7,7 +11,9 @@ from recorded import diagnosed, names, plain
 from paxisim import augment
 from paxisim.diagnose import Cause, FittedCause, Free, known_causes, register_cause
 from paxisim.diagnose.causes import vocabulary
+from paxisim.diagnose.causes.kinds import PICTURES
 from paxisim.diagnose.causes.vocabulary import CAUSES
+from paxisim.diagnose.data.motions import MOTIONS
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 SCENE = {
@@ -62,6 +68,56 @@ def test_a_name_is_taken_once(own):
     assert len(CAUSES) == len(VOCABULARY)
     with pytest.raises(UnknownNameError, match="creep"):
         vocabulary.cause("crep")
+
+
+@pytest.mark.parametrize(
+    ("field", "given", "valid"),
+    [("excites", "levels", "triangles, holds, taps"), ("picture", "curve", "curves, edges"), ("picture", "", "plain")],
+)
+def test_a_motion_or_picture_that_does_not_exist_is_refused_before_the_fit(own, field, given, valid):
+    with pytest.raises(
+        InvalidValueError, match=f"{field} of the cause 'pad_gain' must be one of .*{valid}.*, got '{given}'"
+    ):
+        register_cause(replace(pad_gain(), **{field: given}))
+    assert "pad_gain" not in known_causes()
+
+
+def test_the_page_on_causes_lists_the_motions_and_pictures():
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "add-a-cause.md").read_text(encoding="utf-8")
+    for title, valid in (("### Motions", MOTIONS), ("### Pictures", PICTURES)):
+        table = page.partition(title)[2].partition("\n#")[0]
+        assert sorted(re.findall(r"^\| `(\w+)` \| \w", table, re.MULTILINE)[1:]) == sorted(valid)
+
+
+@dataclass(frozen=True, eq=False)
+class Summed(augment.Transform):
+    """A transform that forgets to keep the shape of a frame."""
+
+    def apply(self, x, covariates):
+        return x.sum()
+
+
+@dataclass(frozen=True, eq=False)
+class Remembers(augment.StatefulTransform):
+    """The same with memory."""
+
+    def initial_state(self, x, covariates=None):
+        return ()
+
+    def advance(self, x, state, dt, covariates):
+        return x[..., :1, :, :], state
+
+
+def test_a_transform_that_changes_the_shape_is_refused(own):
+    frame = np.ones((2, 3, 4, 5))
+    with pytest.raises(InvalidValueError, match=r"Summed returned shape \(\) for a tensor of shape \(2, 3, 4, 5\)"):
+        Summed()(frame)
+    with pytest.raises(InvalidValueError, match=r"Remembers returned shape \(2, 1, 4, 5\)"):
+        Remembers().step(frame, (), 0.1)
+    cause = replace(pad_gain(), make=lambda values, problem: Summed())
+    register_cause(cause)
+    with pytest.raises(InvalidValueError, match="Summed returned shape"):
+        diagnosed(plain(seed=2), ("pad_gain",))
 
 
 def test_a_cause_of_ones_own_takes_part(own):

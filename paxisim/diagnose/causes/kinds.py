@@ -25,6 +25,12 @@ from paxisim.diagnose.causes.parameters import CausePart, Derived, Free, Gauge, 
 from paxisim.diagnose.data.problem import FloatArray, Problem
 
 AXES = "xyz"
+PICTURES = (
+    "axes", "channel_curves", "closing", "covariate", "curves", "edges", "gains", "height_map", "holds", "kernel",
+    "loops", "mapping", "mount", "plain", "shift", "silent_map", "slip", "small_forces", "steps", "taxel_map", "zero",
+    "zero_in_time",
+)  # fmt: skip
+"""Names of the kinds of picture in a report, which `paxisim.diagnose.report.page.PICTURES` draws."""
 
 
 def _always(problem: Problem) -> str:
@@ -43,8 +49,8 @@ class Cause:
         name: Name in a diagnosis.
         order: Position in the chain; smaller is nearer to the contact.
         words: Explanation in one short sentence for a reader who does not know the name.
-        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.explain.advice.MOTIONS`.
-        picture: Kind of picture in a report, a key of `paxisim.diagnose.report.page.PICTURES`.
+        excites: Name of the motion that excites the cause best, one of `paxisim.diagnose.data.motions.MOTIONS`.
+        picture: Kind of picture in a report, one of `PICTURES`.
         covariate: Name of the covariate that the cause requires.
         barred: Function that returns why the cause cannot be identified in this recording; an empty string if it can.
         misfit: Share of the effect's energy that may remain because the fitted form never matches the sensor exactly;
@@ -54,7 +60,8 @@ class Cause:
             the end.
         tacit: Whether a nuisance is never named and always stays in the model.
         of_replay: Caveat if the simulation follows the streams of a robot.
-        copies: Function that returns how many pads have parameters of their own. It multiplies the price.
+        copies: Function that returns how many pads have parameters of their own, whose names end in the pad's index.
+            It multiplies the price.
     """
 
     name: str

@@ -10,6 +10,10 @@ from paxisim.diagnose.causes.kinds import FittedCause
 from paxisim.diagnose.causes.parameters import Free, Values
 from paxisim.diagnose.data.problem import Problem
 
+SCALE_MEANING = "force that is read correctly"
+
+KNEE_MEANING = "power law if small, gain quadratic in force if large"
+
 MATERIAL_CHANGE = 0.02  # materiality of the change in gain between a tenth of the peak and the peak
 
 
@@ -18,27 +22,9 @@ def _free(problem: Problem) -> tuple[Free, ...]:
     return (
         Free("exponent", "1", 1.0, 0.1, 5.0, 0.1, 0.008),
         # the gauge: the sensor may have been calibrated at any force up to the peak
-        Free(
-            "scale",
-            "N",
-            0.5 * peak,
-            0.02 * peak,
-            1.3 * peak,
-            0.2 * peak,
-            spread=0.5 * peak,
-            words="force that is read correctly",
-        ),
+        Free("scale", "N", 0.5 * peak, 0.02 * peak, 1.3 * peak, 0.2 * peak, spread=0.5 * peak, words=SCALE_MEANING),
         # two forms: a power law (small knee), or a gain that grows with the square of the force (large knee)
-        Free(
-            "knee",
-            "1",
-            0.3,
-            0.01,
-            30.0,
-            0.3,
-            spread=3.0,
-            words="power law if small, gain quadratic in force if large",
-        ),
+        Free("knee", "1", 0.3, 0.01, 30.0, 0.3, spread=3.0, words=KNEE_MEANING),
         # a gel stiffens on all axes together (1), an electronic readout on each axis separately (0)
         Free("shared", "1", 1.0, 0.0, 1.0, 0.3, spread=1.0, words="0 if axes stiffen separately, 1 if all together"),
     )

@@ -12,7 +12,7 @@ from paxisim.diagnose.causes.drift import DRIFT
 from paxisim.diagnose.causes.gel_operator import GEL_OPERATOR
 from paxisim.diagnose.causes.hysteresis import HYSTERESIS
 from paxisim.diagnose.causes.interference import INTERFERENCE
-from paxisim.diagnose.causes.kinds import BaselineCause, Cause, DetectedCause, FittedCause, PerChannelCause
+from paxisim.diagnose.causes.kinds import PICTURES, BaselineCause, Cause, DetectedCause, FittedCause, PerChannelCause
 from paxisim.diagnose.causes.latency import LATENCY
 from paxisim.diagnose.causes.layout import LAYOUT
 from paxisim.diagnose.causes.low_pass import LOW_PASS
@@ -24,6 +24,7 @@ from paxisim.diagnose.causes.scene import SCENE_CAUSES
 from paxisim.diagnose.causes.stiffening import STIFFENING
 from paxisim.diagnose.causes.swapped_taxels import SWAPPED_TAXELS
 from paxisim.diagnose.causes.taxel_gain import TAXEL_GAIN
+from paxisim.diagnose.data.motions import MOTIONS
 from paxisim.errors import InvalidValueError, UnknownNameError
 
 CAUSES: tuple[Cause, ...] = (
@@ -58,7 +59,8 @@ def register_cause(cause: Cause) -> None:
     """Add a cause to those that a diagnosis looks for.
 
     Raises:
-        InvalidValueError: It is none of the four kinds, or a cause of that name already exists.
+        InvalidValueError: It is none of the four kinds, a cause of that name already exists, or there is no motion or
+            kind of picture of the name that it has.
     """
     if not isinstance(cause, (FittedCause, PerChannelCause, BaselineCause, DetectedCause)):
         raise InvalidValueError(
@@ -67,6 +69,12 @@ def register_cause(cause: Cause) -> None:
         )
     if cause.name in known_causes():
         raise InvalidValueError(f"there is a cause {cause.name!r} already; choose another name")
+    for field, names in (("excites", MOTIONS), ("picture", PICTURES)):
+        given = getattr(cause, field)
+        if given not in names:
+            raise InvalidValueError(
+                f"{field} of the cause {cause.name!r} must be one of {', '.join(names)}, got {given!r}"
+            )
     _ADDED.append(cause)
 
 

@@ -18,6 +18,7 @@ from paxisim.recording import Recording
 from paxisim.scene.modes import start_streams
 
 MAX_VALUES = 4_000_000  # most values that are compared
+SENSOR_OUTPUTS = ("resultant",)  # covariates that the sensor itself reports, so that they explain nothing of it
 _LONGEST = 0.04  # s, longest frame interval after decimation
 _LEAST_EPISODES = 12  # fewest episodes that are kept
 
@@ -94,7 +95,9 @@ def _known(recording: Recording, warnings: list[str]) -> Recording:
         raise InvalidValueError("measured and simulated do not overlap in time: no sample has both")
     starts = start_streams(recording)  # poses at the start of episodes, which nothing follows
     covariates = {}
-    for name, values in ((name, v) for name, v in recording.covariates.items() if name not in starts):
+    for name, values in recording.covariates.items():
+        if name in starts or name.partition("[")[0] in SENSOR_OUTPUTS:
+            continue
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if not finite[known].all():
             warnings.append(

@@ -4,39 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from paxisim.diagnose.data.motions import MOTIONS, PROTOCOLS
+
 NOT_ASKED = "not asked for"
 """The reason given for a cause that the caller excluded from the search."""
-
-MOTIONS: Mapping[str, str] = {
-    "triangles": (
-        "press and release in a triangle wave at three speeds spanning two decades, and hold for 30 s once during "
-        "loading and once during unloading; a loop that remains at the slowest speed is hysteresis"
-    ),
-    "holds": "hold a press for 30 s, then leave the pad unloaded for 60 s",
-    "taps": (
-        "tap quickly, then oscillate the force at a rising frequency; a delay keeps the amplitude of the oscillation, "
-        "a filter reduces it"
-    ),
-    "gripper": "open and close the gripper, or move the hand, without contact, and record its opening or its joints",
-    "staircase": "press in a staircase of at least six force levels, up to over-range, at several places on the pad",
-    "free": "leave the pads unloaded for 60 s before and after the presses",
-    "slides": "slide along one axis and then along the other, in both directions",
-    "loads": "slide past slip at two normal loads, along both axes",
-    "probe": "press single taxels with a fine tip, then press all of them with a flat plate",
-    "light": "press very lightly and slowly, so that the readings pass through every count",
-    "places": "press at several places on the pad, so that every taxel is loaded",
-    "corners": "press off-centre on one pad at a time, and slide along each axis",
-    "sessions": (
-        "record at least four episodes over ten minutes on one clock, with the pads unloaded before and after each"
-    ),
-    "repeats": "repeat one press ten times from a fresh start, at two speeds, and check whether the first one differs",
-    "regrasps": (
-        "press the same object at four places or more, turned by 90 degrees and tilted to both sides between them"
-    ),
-    "objects": "press two objects of known sizes, each at two depths at least",
-    "varied": "record at least 8 episodes with different motions",
-}
-"""Instructions for each motion, by name. `Cause.excites` refers to these names."""
 
 
 def advice(
@@ -60,20 +31,20 @@ def advice(
     for name, others in rivals:
         for other in others:
             motions = dict.fromkeys(excites.get(n, "varied") for n in (name, other))
-            lines.append(f"to separate {name} from {other}: {'; '.join(MOTIONS[motion] for motion in motions)}")
+            lines.append(f"to separate {name} from {other}: {_instructions(*motions)}")
     if unexplained:
-        lines.append(f"to investigate the unexplained residual: {MOTIONS['repeats']}")
+        lines.append(f"to investigate the unexplained residual: {_instructions('repeats')}")
     if episodes < 4:
         lines.append(f"{MOTIONS['varied']} (this recording has {episodes})")
     wanted: dict[str, list[str]] = {}
     for name, why in not_testable.items():
         if name in excites and why != NOT_ASKED:
             wanted.setdefault(excites[name], []).append(name)
-    lines += [f"to test for {', '.join(names)}: {MOTIONS[motion]}" for motion, names in wanted.items()]
+    lines += [f"to test for {', '.join(names)}: {_instructions(motion)}" for motion, names in wanted.items()]
     return tuple(dict.fromkeys(lines))
 
 
-def motions_of(lines: Sequence[str]) -> tuple[str, ...]:
-    """The names of the motions that the advice asks for, in order of first mention and without repeats."""
-    found = {name: line for line in reversed(lines) for name, text in MOTIONS.items() if text in line}
-    return tuple(sorted(found, key=lambda name: lines.index(found[name])))
+def _instructions(*motions: str) -> str:
+    """What to do for these motions, with the commands that write all of them for a robot."""
+    names = " or ".join(name for name, own in PROTOCOLS.items() if set(motions) <= set(own.split()))
+    return "; ".join(MOTIONS[m] for m in motions) + (f" (for a robot: paxisim protocol {names})" if names else "")

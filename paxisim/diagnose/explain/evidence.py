@@ -131,7 +131,7 @@ def caveats(
     silent = silent_in_words(found.off.silent, pads)
     doubtful = (
         f"{name} was fitted but not named: it reduces the error of the held-out episodes that it affects by "
-        f"{share.percent()}, which may be no improvement at all"
+        f"{share.percent()}, too little to be sure of; there is no need to act"
         for name, share in dropped.items()
     )
     clocks = (f"{named.name}: {named.cause.of_replay}" for named in found.named if replayed and named.cause.of_replay)
@@ -139,13 +139,13 @@ def caveats(
 
 
 def at_bounds(found: Explanation) -> dict[str, str]:
-    """Warnings about parameters that the fit pushes against a bound or beyond their limits, by cause."""
+    """Parameters that the fit pushes against a bound or beyond their limits, a colon and a warning, by cause."""
     lines = {}
     for named in found.fitted:
         for free in named.cause.parameters(found.problem):
             value = named.values.get(free.name)
             if free.material is not None and value in (free.low, free.high) and value != free.neutral:
-                place = f"{free.name} of {named.name} is at its bound, {value:g} {free.unit}"
+                place = f"{free.name} of {named.name} is at its bound, {value:g} {free.unit}".removesuffix(" 1")
                 lines[named.name] = f"{place}: do not rely on its value"
         item = named.cause
         if isinstance(item, FittedCause):

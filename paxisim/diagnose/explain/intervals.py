@@ -43,27 +43,33 @@ def _parameters(
     found: Explanation, named: Named, spreads: Mapping[tuple[str, str], float], has_intervals: bool
 ) -> Iterator[FittedParameter]:
     """The numbers derived from a cause's parameters, its scalar parameters, and each element of its arrays."""
+    copies = named.cause.copies(found.problem)
     for own in named.cause.derived if isinstance(named.cause, FittedCause) else ():
         values = [float(value) for value in named.values.values()]
         number, reach = own.of(values, found.problem), spreads.get((named.name, own.name))
         interval = Interval(number) if reach is None else Interval(number, number - reach, number + reach)
-        yield FittedParameter(own.name, own.unit, interval, own.words)
+        size = named.cause.amount(np.array(values), found.problem)  # the number stands for the whole cause
+        yield FittedParameter(own.name, own.unit, interval, own.words, size=size)
     free = {item.name: item for item in named.cause.parameters(found.problem)}
     for name, value in named.values.items():
         array, item = np.asarray(value, dtype=float), free.get(name)
         if item is not None and array.ndim == 0:
             unit, words, low, high = item.unit, item.words, item.low, item.high
+            neutral, end = item.neutral, name.rpartition("_")[2]
+            pad = int(end) if copies > 1 and end.isdecimal() and int(end) < copies else None
+            size = abs(float(array) - neutral) / item.material if item.material else None
             half = spreads.get((named.name, name))
         else:
             words = named.cause.numbers.get(name, "") if isinstance(named.cause, BaselineCause) else ""
             unit, low, high = _unit(named, name), -np.inf, np.inf
+            neutral = size = pad = None
             half = _half_width(found, named, name) if has_intervals else None
         for place in np.ndindex(array.shape):
             interval = Interval(float(array[place]))
             if half is not None:
                 number, reach = interval.value, float(np.asarray(half)[place])
                 interval = Interval(number, max(number - reach, low), min(number + reach, high))
-            yield FittedParameter(name + "".join(f"_{i}" for i in place), unit, interval, words)
+            yield FittedParameter(name + "".join(f"_{i}" for i in place), unit, interval, words, neutral, size, pad)
 
 
 def _unit(named: Named, name: str) -> str:

@@ -91,10 +91,9 @@ def head(diagnosis: Result) -> str:
     if diagnosis.causes:
         error = f"{figures.nrmse_before:.1%} &rarr; {figures.nrmse_after:.1%}"
         lines.append(f"<p>Error (normalised RMSE): {error}; noise floor {figures.noise_floor:.1%}</p>")
+        sure = {c.name: percentage(diagnosis.confidence.get(c.name, 0)) for c in diagnosis.causes}
         cells = [("cause", "explains", "confidence", "rivals")]
-        for item in diagnosis.causes:
-            sure = percentage(diagnosis.confidence.get(item.name, 0))
-            cells.append((item.name, percent(item.gain), sure, ", ".join(item.rivals) or "none"))
+        cells += [(c.name, percent(c.gain), sure[c.name], ", ".join(c.rivals) or "none") for c in diagnosis.causes]
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in cells)
         lines.append("<table>" + "".join(f"<tr>{row}</tr>" for row in rows) + "</table>")
     return "\n".join(lines)
@@ -116,14 +115,13 @@ def _context(diagnosis: Result) -> dict[str, Any]:
             pictures |= {"maps": places(streams, extended), "traces": worst_episodes(streams, extended)}
             pictures["remains"] = remains(streams, extended) if diagnosis.symptoms.left_over else []
     words = {found.name: text.fault_in_words(diagnosis, found.name) for found in diagnosis.causes}
-    faults = {name: [("fault", fault)] for name, fault in words.items() if fault}
     causes = [
         {
             "found": found,
             "words": cause(found.name).words if found.name in known_causes() else "",  # a saved cause may be unknown
             "pictures": evidences.get(found.name, []),
-            "parameters": faults.get(found.name) or text.parameters_in_words(found.parameters),
-            "meanings": text.meanings(found.parameters),
+            "differs": words[found.name] or text.differences(found.parameters, diagnosis, text.IN_HEAD),
+            "parameters": text.parameters_in_words(() if words[found.name] else found.parameters, diagnosis),
             "confidence": diagnosis.confidence.get(found.name),
         }
         for found in diagnosis.causes
@@ -148,7 +146,4 @@ def _context(diagnosis: Result) -> dict[str, Any]:
 
 def _reads_ahead(model: Chain) -> bool:
     """Whether a reading depends on future frames because the simulated stream lags the measured one."""
-    return any(
-        _reads_ahead(member) if isinstance(member, Chain) else isinstance(member, Latency) and np.min(member.delay) < 0
-        for member in model
-    )
+    return any(isinstance(member, Latency) and np.min(member.delay) < 0 for member in model.flattened)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,35 +16,31 @@ from paxisim.augment.swapped_taxels import SwappedTaxels
 from paxisim.diagnose.explain.advice import NOT_ASKED
 from paxisim.diagnose.report.effect import unwrapped
 from paxisim.diagnose.report.style import AXES
-from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, Verdict, pad_in_words, percentage
+from paxisim.diagnose.result import FittedParameter, HeldOut, Result, Symptoms, pad_in_words, percentage
 
 TEXT_COLUMNS = 80
 MAX_LISTED = 8  # most elements of an array, or taxels of a pad, listed one by one
 INDEX = re.compile(r"(_\d+)+$")  # index of an element at the end of a parameter's name
 
-HEADS: Mapping[Verdict, str] = {
+HEADS: Mapping[str, str] = {
     "no_discrepancy": "The simulation agrees with the measurement",
     "clocks_differ": "The clocks of the two streams differ",
     "explained": "Explained by {}",
     "ambiguous": "Explained by {}",
+    "one_episode": "Perhaps explained by {}",
     "partly_explained": "Partly explained by {}",
     "unexplained": "The simulation differs from the measurement, and no known cause explains it",
     "unrelated": "The two streams are not of the same motion",
 }
-TAILS: Mapping[Verdict, str] = {
+TAILS: Mapping[str, str] = {
     "no_discrepancy": "The residual is within noise and tolerances.",
     "clocks_differ": "Once they are aligned, the residual is within noise and tolerances.",
     "explained": "The residual shows no further structure.",
     "ambiguous": "This recording cannot tell the rivals apart. See What to record next.",
-    "partly_explained": "Structure remains, a cause is a near miss, or a parameter is at its bound. See What remains.",
-    "unexplained": "The residual has structure, so it is not just noise. See What remains.",
+    "one_episode": "A single episode cannot confirm a cause. Record several episodes.",
     "unrelated": "Nothing was fitted. See What remains and What to record next.",
 }
-ONE_EPISODE_HEAD, ONE_EPISODE_TAIL = (
-    "Perhaps explained by {}",
-    "A single episode cannot confirm a cause. Record several episodes.",
-)
-IN_HEAD = 3  # causes that a headline names
+IN_HEAD = 3  # causes that a headline names, and parameters of each at the top of the page
 APART = 0.15  # difference between the sum of the gains and what all causes explain, above which gains do not add up
 EXPLAINS = "Explains: by how much the error grows when the model is refitted without the cause."
 CONFIDENCE = (
@@ -52,39 +49,41 @@ CONFIDENCE = (
 )
 
 
-def is_of_one_episode(diagnosis: Result) -> bool:
-    """Whether the verdict is ambiguous because no episode was held out, rather than because of rivals."""
-    return diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
+def _kind(diagnosis: Result) -> str:
+    """The verdict, or "one_episode" if it is ambiguous because no episode was held out, rather than for rivals."""
+    alone = diagnosis.verdict == "ambiguous" and not any(item.rivals for item in diagnosis.causes)
+    return "one_episode" if alone else diagnosis.verdict
 
 
 def headline(diagnosis: Result) -> str:
     """Return what was found, in a line; causes that can take over much of one another are given their sum."""
-    named = [" or ".join([cause.name, *cause.rivals]).replace("_", " ") for cause in diagnosis.causes]
-    gains, explained = [cause.gain.value for cause in diagnosis.causes], diagnosis.heldout.explained
-    together = ""
-    if explained is None or abs(sum(gains) - explained.value) < APART * explained.value:
-        named = [f"{name} ({percentage(gain)})" for name, gain in zip(named, gains, strict=True)]
-    else:
-        together = f" ({percentage(explained.value)}{' together' if len(named) > 1 else ''})"
+    explained, named = diagnosis.heldout.explained, []
+    apart = 0.0 if explained is None else abs(sum(cause.gain.value for cause in diagnosis.causes) - explained.value)
+    together = explained is not None and apart >= APART * explained.value
+    for cause in diagnosis.causes:
+        about = [] if together else [percentage(cause.gain.value)]
+        about += [f"or {' or '.join(cause.rivals)}"] if cause.rivals else []
+        named.append(f"{cause.name} ({', '.join(about)})".removesuffix(" ()").replace("_", " "))
     if len(named) > IN_HEAD:
         named[IN_HEAD - 1 :] = [f"{len(named) - IN_HEAD + 1} more causes"]
     joined = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else "".join(named)
-    return (ONE_EPISODE_HEAD if is_of_one_episode(diagnosis) else HEADS[diagnosis.verdict]).format(joined + together)
+    if explained is not None and together:
+        joined += f" ({percentage(explained.value)}{' together' if len(named) > 1 else ''})"
+    return HEADS[_kind(diagnosis)].format(joined)
 
 
 def tail(diagnosis: Result) -> str:
     """Return what follows from the verdict, in a sentence or two."""
-    return ONE_EPISODE_TAIL if is_of_one_episode(diagnosis) else TAILS[diagnosis.verdict]
+    remains = ["See What remains."] if diagnosis.symptoms.left_over else []
+    return TAILS.get(_kind(diagnosis)) or " ".join([*diagnosis.symptoms.reasons, *remains])
 
 
 def text_of(diagnosis: Result) -> str:
     """Return the diagnosis as text, 80 columns wide."""
     symptoms, extended = diagnosis.symptoms, bool(diagnosis.causes)
     clocks = f", clocks differ by {abs(diagnosis.clock_shift):.2f} s" if diagnosis.clock_shift else ""
-    lines = [
-        f"Verdict: {diagnosis.verdict}{clocks}",
-        *_wrap("  ", f"{headline(diagnosis)}. {tail(diagnosis)}", diagnosis.known),
-    ]
+    lines = [f"Verdict: {diagnosis.verdict}{clocks}"]
+    lines += _wrap("  ", f"{headline(diagnosis)}. {tail(diagnosis)}", diagnosis.known)
     lines += _wrap("", *(f"Warning: {warning}" for warning in symptoms.warnings))
     lines += ["", *_table(diagnosis)] if extended else []
     lines += ["", *_figures(diagnosis.heldout, extended)] if diagnosis.verdict != "unrelated" else []
@@ -103,11 +102,8 @@ def text_of(diagnosis: Result) -> str:
 
 def reasons_of(diagnosis: Result) -> dict[str, list[str]]:
     """Return the causes that the recording cannot test by reason, without those that the caller excluded."""
-    reasons: dict[str, list[str]] = {}
-    for name, why in diagnosis.not_testable.items():
-        if why != NOT_ASKED:
-            reasons.setdefault(why, []).append(name)
-    return reasons
+    asked = {name: why for name, why in diagnosis.not_testable.items() if why != NOT_ASKED}
+    return {why: [name for name, other in asked.items() if other == why] for why in asked.values()}
 
 
 def _wrap(indent: str, *texts: str) -> list[str]:
@@ -124,29 +120,45 @@ def _table(diagnosis: Result) -> list[str]:
         first, *rest = textwrap.wrap(rivals, TEXT_COLUMNS - len(head))
         lines += [head + first, *[" " * len(head) + line for line in rest]]
         for part in cause.parts:
-            own = [p for p in cause.parameters if p.name in part.parameters]
-            lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent()}; {_listed(own)}")
+            own = differences([p for p in cause.parameters if p.name in part.parameters], diagnosis)
+            lines += _wrap("  ", f"{part.name}, {part.words}: explains {part.gain.percent()}; {own}")
         in_parts = {name for part in cause.parts for name in part.parameters}
         rest = [p for p in cause.parameters if p.name not in in_parts]
-        explained = (f"({name}: {words})" for name, words in meanings(rest))
-        lines += _wrap("  ", fault_in_words(diagnosis, cause.name) or _listed(rest), *explained, cause.evidence)
+        explained = (f"({name}: {words})" for name, _, words in parameters_in_words(rest, diagnosis) if words)
+        listed = fault_in_words(diagnosis, cause.name) or differences(rest, diagnosis)
+        lines += _wrap("  ", listed, *explained, cause.evidence)
     return [*lines, "", *_wrap("", EXPLAINS, CONFIDENCE)]
 
 
-def _listed(parameters: Sequence[FittedParameter]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in parameters_in_words(parameters))
+def differences(parameters: Sequence[FittedParameter], diagnosis: Result, most: int = 99) -> str:
+    """List the parameters that differ from neutral, most first and at most so many, and count the others.
+
+    Long arrays are left to the details if there are other parameters.
+    """
+    single = [p for own in _arrays(parameters).values() if len(own) <= MAX_LISTED for p in own]
+    ordered = sorted(single or parameters, key=lambda p: -(p.size or 0.0))
+    near = [p for p in ordered[1:] if p.neutral is not None and p.size is not None and p.size < 1]
+    shown = parameters_in_words([p for p in ordered if p not in near], diagnosis)
+    words = [f"{name} {value}" for name, value, _ in shown[:most]]
+    words += [f"{len(shown) - most} more"] if len(shown) > most else []
+    counts = Counter(f"{p.neutral:g}" for p in near)
+    return ", ".join([*words, *(f"{n} other{'s' * (n > 1)} near {neutral}" for neutral, n in counts.items())])
 
 
-def parameters_in_words(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
-    """Return names and values of the parameters as text; long arrays are summarised by their range."""
-    lines = []
+def parameters_in_words(parameters: Sequence[FittedParameter], diagnosis: Result) -> list[tuple[str, str, str]]:
+    """Return names, values and meanings of the parameters; long arrays are summarised by their range."""
+    lines, pads = [], [place.where for place in diagnosis.symptoms.pads]
     for name, own in _arrays(parameters).items():
-        values = [p.value.value for p in own]
-        units = ["" if p.unit == "1" else f" {p.unit}" for p in own]
+        unit = "" if own[0].unit == "1" else f" {own[0].unit}"
         if len(own) > MAX_LISTED:
-            lines.append((name, f"{len(own)} numbers from {min(values):.3g} to {max(values):.3g}{units[0]}"))
-        else:
-            lines += [(p.name, f"{p.value}{unit}") for p, unit in zip(own, units, strict=True)]
+            values, places = [p.value.value for p in own], {tuple(p.name.split("_")[-4:]) for p in own}
+            what = {1: ": {} numbers", 3: " of {} taxels"}.get(own[0].name[len(name) :].count("_"), " of {} channels")
+            lines.append((name + what.format(len(places)), f"from {min(values):.3g} to {max(values):.3g}{unit}", ""))
+            continue
+        for p in own:
+            shown = p.name if p.pad is None else f"{pads[p.pad]}: {name.replace('_', ' ')}"
+            degrees = f" ({np.rad2deg(p.value.value):.1f} deg)" if p.unit == "rad" else ""
+            lines.append((shown, f"{p.value}{unit}{degrees}", p.words))
     return lines
 
 
@@ -158,30 +170,24 @@ def _arrays(parameters: Sequence[FittedParameter]) -> dict[str, list[FittedParam
     return arrays
 
 
-def meanings(parameters: Sequence[FittedParameter]) -> list[tuple[str, str]]:
-    """Return names and meanings of the listed parameters that have an explanation."""
-    listed = [p for own in _arrays(parameters).values() if len(own) <= MAX_LISTED for p in own]
-    return [(p.name, p.words) for p in listed if p.words]
-
-
 def _figures(heldout: HeldOut, extended: bool) -> list[str]:
     after = f", extended model {heldout.nrmse_after:.1%}" if extended else ""
     errors = f"simulation {heldout.nrmse_before:.1%}{after}, noise floor {heldout.noise_floor:.1%}"
     if heldout.ceiling_nrmse is not None:
         errors += f", black box {heldout.ceiling_nrmse:.1%}"
-    shares = beyond = ""
+    shares = ""
     if extended and heldout.explained is not None:
         shares = f"the extended model explains {heldout.explained.percent()} of the explainable error"
         if heldout.ceiling_explained is not None:
             shares += f", the black box {max(heldout.ceiling_explained, 0.0):.1%}"
-        beyond = black_box_in_words(heldout)
+    beyond = black_box_in_words(heldout) if extended else ""
     return ["Held-out error (normalised RMSE)", f"  {errors}", *_wrap("  ", shares, beyond, heldout.note)]
 
 
 def black_box_in_words(heldout: HeldOut) -> str:
     """Return a sentence on what the black box explains beyond the model; empty if it explains no more."""
     ceiling, explained = heldout.ceiling_explained, heldout.explained
-    if ceiling is None or explained is None or ceiling <= (explained.high or explained.value):
+    if ceiling is None or explained is None or ceiling <= explained.ends[1] or ceiling - explained.value < 0.005:
         return ""
     words = f"The black box explains another {ceiling - explained.value:.0%} of the explainable error. This part "
     return words + "depends on the forces and their history, but no known cause describes it."
