@@ -12,11 +12,15 @@ from paxisim_insertion.results import IN_SIMULATION, PADS, Result
 from paxisim_insertion.shell import command
 from paxisim_insertion.tasks import TASKS
 
-from paxisim.viz.dark import light_and_dark
-
 from .curves import draw_curves, method_colours, shipped_curves
 from .paper import REAL, TABLE_2_SIM, UNKNOWN
 from .rates import PAPER_TRIALS, TRANSFERS, in_order, pooled, read_results
+
+DARK = {
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), "#d9dde2"),
+    **{"grid.color": "#7d8590", "legend.facecolor": "none", "savefig.transparent": True},
+}
+"""Settings for a picture on a dark page, beside matplotlib's dark style."""
 
 
 def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
@@ -29,17 +33,17 @@ def pictures(*, results: Path | None = None, out: Path = Path(".")) -> None:
             ./results.
         out: Output folder; created if missing.
     """
-    import matplotlib
+    import matplotlib.style
 
     matplotlib.use("Agg")
     found = read_results(results)
     out.mkdir(parents=True, exist_ok=True)
-    for path in light_and_dark(out / "learning.png"):
-        draw_panels(shipped_curves()).savefig(path, dpi=90)
-        print(path)
-    for path in light_and_dark(out / "table.png"):
-        draw_table(found).savefig(path, dpi=90)
-        print(path)
+    for end, style in {"": "default", "-dark": ["dark_background", DARK]}.items():
+        with matplotlib.style.context(style):  # pyright: ignore[reportArgumentType]
+            for name, figure in {"learning": draw_panels(shipped_curves()), "table": draw_table(found)}.items():
+                path = out / f"{name}{end}.png"
+                figure.savefig(path, dpi=90)
+                print(path)
 
 
 def draw_panels(curves: dict[str, dict[str, list[NDArray[np.float64]]]]) -> Any:

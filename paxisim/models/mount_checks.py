@@ -163,7 +163,11 @@ def bare_lengths(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -
     link = model.body_weldid[model.geom_bodyid]
     lengths = []
     for body, layout, mount in zip(map(int, pads.bodies), pads.layouts, mounts, strict=True):
-        surface = surface_of(model, data, replaced_in_model(model, mount), body, cells=20)
+        replaced = replaced_in_model(model, mount)
+        if not len(replaced):
+            lengths.append(0.0)
+            continue
+        surface = surface_of(model, data, replaced, body, cells=20)
         points = np.unique(surface.triangles.reshape(-1, 3), axis=0)
         middle = (layout.positions.min(axis=0) + layout.positions.max(axis=0))[:2] / 2
         beyond = (np.abs(points[:, :2] - middle) - np.array(layout.size[::-1]) / 2).max(axis=1)
