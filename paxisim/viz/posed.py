@@ -198,9 +198,11 @@ class PosedRobot:
         middles = self.data.geom_xpos[geoms][:, None]
         if int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE):
             corners = middles + size[:, None, :1] * (_CIRCLE @ view[:2])
+            fronts = middles[:, 0] - size[:, :1] * axes[:, :, 2]
         else:  # the outward face of a cube is at -z
             face = np.concatenate([_SQUARE, np.full((len(_SQUARE), 1), -1.0)], axis=1) * size[:, None]
             corners = middles + face @ axes.transpose(0, 2, 1)
+            fronts = corners.mean(axis=1)
         facing = -axes[:, :, 2] @ view[2]
         flat = corners @ view[:2].T
         if facing.max() > 0:
@@ -212,7 +214,7 @@ class PosedRobot:
             edges[0, :3] = _RED
             if picture is not None:
                 colors[1:, 3] = _THROUGH
-                covered = picture.covered(corners.mean(axis=1), _COVER)
+                covered = picture.covered(fronts, _COVER)
                 colors[covered, 3] = 0
                 edges[covered, :3] = _RED
             style = {"facecolors": colors[seen], "edgecolors": edges[seen], "linewidths": 0.4}

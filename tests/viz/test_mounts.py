@@ -118,11 +118,13 @@ def test_numbers_do_not_overlap():
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
-def test_taxels_that_something_covers_are_hollow():
+@pytest.mark.parametrize("taxels", ["cubes", "spheres"])
+def test_taxels_that_something_covers_are_hollow(taxels):
     lid = '<geom type="box" size=".02 .005 .002" pos="0 0 .02" contype="0" conaffinity="0"/>'
     hollow = []
     for xml in (TOOL, TOOL.replace("</body>", lid + "</body>")):
-        gripper = paxisim.attach(xml, paxisim.TaxelLayout(6, 6, 5e-3), [ON_TOOL])
+        # balls of 2.5 mm radius touch the face of the tool from within
+        gripper = paxisim.attach(xml, paxisim.Pad(paxisim.TaxelLayout(6, 6, 5e-3), taxels=taxels), [ON_TOOL])
         (pad,) = pads_drawn(paxisim.plot_mounts(gripper).axes[1])
         hollow.append(36 - faces(pad)[1])
     assert hollow[0] == 0
