@@ -118,7 +118,7 @@ def test_numbers_do_not_overlap():
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
-@pytest.mark.parametrize("taxels", ["cubes", "spheres"])
+@pytest.mark.parametrize("taxels", ["boxes", "spheres"])
 def test_taxels_that_something_covers_are_hollow(taxels):
     lid = '<geom type="box" size=".02 .005 .002" pos="0 0 .02" contype="0" conaffinity="0"/>'
     hollow = []
