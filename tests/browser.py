@@ -86,7 +86,7 @@ class Browser:
         return json.loads(message)
 
     def open(self, path, width, height=800, dark=False, seconds=60):
-        """Return a `Page` that shows a file in a window of the given size."""
+        """Return a `Page` that shows a file, or the page at an address, in a window of the given size."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -98,7 +98,7 @@ class Browser:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", session, features=[scheme])
         self.events.clear()
-        self.call("Page.navigate", session, url=path.absolute().as_uri())
+        self.call("Page.navigate", session, url=path if isinstance(path, str) else path.absolute().as_uri())
         end = time.monotonic() + seconds
         while not any(e.get("method") == "Page.loadEventFired" for e in self.events):
             self.events.append(self._next(end))
