@@ -38,6 +38,8 @@ MIN_OVERLAP = 0.1e-3
 """Smallest overlap of two pads that counts, since pads side by side touch."""
 MIN_BARE = 2e-3
 """Smallest length of a finger that a pad replaces without covering it, and that `attach` reports."""
+MAX_BARE_SHARE = 1.5
+"""Largest such length without a warning, over the length of the pad."""
 _INSIDE = 1e-3  # a point this near to a geom counts as part of it
 MAX_CHECKED_TAXELS = 200
 """Largest number of taxels to check per pad."""
@@ -48,8 +50,8 @@ CURVED = "curved pads that do not follow the surface they sit on (paxisim.confor
 HIDDEN = "pads behind other geoms, or level with them, which take their load (add these to replaces of the mount)"
 INSIDE = "pads inside one another (use smaller pads or other mounts)"
 BARE = (
-    "fingers that no longer collide for more than a pad's length beyond it, since it replaces whole geoms (use a "
-    "larger pad, or leave geoms out of replaces)"
+    "fingers that no longer collide far beyond the pad, since it replaces whole geoms (use a larger pad, or leave "
+    "geoms out of replaces)"
 )
 HUGE = "taxels larger than those of any sensor (lengths are in m)"
 _OF_ONE_NUMBER = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
@@ -82,7 +84,7 @@ def doubts(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...], bare: S
             found.setdefault(HIDDEN, []).append(f"{pads.names[pad]!r} on {mounts[pad].body!r} by {words}")
     for pad, length in enumerate(bare):
         own = max(pads.layouts[pad].size)
-        if length > own:
+        if length > MAX_BARE_SHARE * own:
             how = f"{1e3 * length:.0f} mm, and the pad is {1e3 * own:.0f} mm long"
             found.setdefault(BARE, []).append(f"{pads.names[pad]!r} on {mounts[pad].body!r}, {how}")
     for (first, second), depth in _overlaps(model, data, pads).items():
@@ -160,6 +162,7 @@ def bare_lengths(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    touches[pads.geoms] = False
     link = model.body_weldid[model.geom_bodyid]
     lengths = []
     for body, layout, mount in zip(map(int, pads.bodies), pads.layouts, mounts, strict=True):
@@ -174,9 +177,12 @@ def bare_lengths(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -
         bare = beyond > MIN_BARE
         world = points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
         for geom in np.flatnonzero(touches & (link == model.body_weldid[body])):
-            shape = shape_of(model, int(geom)) if bare.any() else None
+            away = np.linalg.norm(world - data.geom_xpos[geom], axis=1)
+            close = np.flatnonzero(bare & (away < model.geom_rbound[geom] + _INSIDE))
+            shape = shape_of(model, int(geom)) if len(close) else None
             if shape is not None:
-                bare[bare] = ~_near(shape, (world[bare] - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+                own = (world[close] - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+                bare[close] = ~_near(shape, own)
         lengths.append(float(beyond[bare].max(initial=0.0)))
     return lengths
 
