@@ -123,7 +123,7 @@ class Calibration(DocumentFile):
         for place, read, load in zip(places, self.model(recording.measured).T, values.T, strict=True):
             if place is not None:
                 measured[:, 0, place, 0, 0], simulated[:, 0, place, 0, 0] = read, load
-        used = np.isin(np.arange(3), places).reshape(1, 3, 1, 1)
+        used = np.array([axis in places for axis in range(3)]).reshape(1, 3, 1, 1)
         one = TaxelLayout(1, 1, recording.layout.size)
         return self.readout.as_newtons(recording, measured, simulated, used=used, delay=self.model.delay, layout=one)
 
