@@ -85,14 +85,9 @@ class Calibration(DocumentFile):
             None for several pads, because the loads are those of all pads together, and if only torques were
             calibrated.
         """
-        places = [self._place(load) for load in self.model.loads]
-        if len(channels) != 1 or not any(place is not None for place in places):
+        if len(channels) != 1 or not self._forces:
             return None
-        force = np.full((1, 3), np.nan, dtype=np.float32)
-        for place, value in zip(places, self.model(channels), strict=True):
-            if place is not None:
-                force[0, place] = value
-        return force
+        return self._as_force(self.model(channels), np.nan)[None]
 
     def apply_total(self, recording: Recording) -> Recording:
         """Convert a recording of one pad for diagnosis: its total force as one taxel, and the load beside it.
@@ -112,20 +107,30 @@ class Calibration(DocumentFile):
             recording = self.background.apply(recording)
         recording, values = self.readout.beside_loads(recording, self.model.delay)
         assert recording.measured is not None
-        places = [self._place(load) for load in self.model.loads]
-        if recording.measured.shape[1] != 1 or not any(place is not None for place in places):
+        if recording.measured.shape[1] != 1 or not self._forces:
             raise InvalidValueError(
                 f"expected one pad and a calibrated force, got {recording.measured.shape[1]} pads and the loads "
                 f"{', '.join(load.name for load in self.model.loads)}"
             )
-        measured = np.zeros((len(recording), 1, 3, 1, 1), dtype=np.float32)
-        simulated = np.zeros_like(measured)
-        for place, read, load in zip(places, self.model(recording.measured).T, values.T, strict=True):
-            if place is not None:
-                measured[:, 0, place, 0, 0], simulated[:, 0, place, 0, 0] = read, load
-        used = np.array([axis in places for axis in range(3)]).reshape(1, 3, 1, 1)
+        measured, simulated = (
+            self._as_force(loads, 0.0).reshape(-1, 1, 3, 1, 1) for loads in (self.model(recording.measured), values)
+        )
+        used = np.array([axis in self._forces.values() for axis in range(3)]).reshape(1, 3, 1, 1)
         one = TaxelLayout(1, 1, recording.layout.size)
         return self.readout.as_newtons(recording, measured, simulated, used=used, delay=self.model.delay, layout=one)
+
+    @property
+    def _forces(self) -> dict[int, int]:
+        """Axis of the force that each load is, by the index of the load, without torques."""
+        places = enumerate(map(self._place, self.model.loads))
+        return {index: place for index, place in places if place is not None}
+
+    def _as_force(self, loads: NDArray[np.floating], unknown: float) -> NDArray[np.float32]:
+        """Return ``(..., loads)`` as ``(..., 3)`` forces (N), with `unknown` on axes that were not calibrated."""
+        force = np.full((*loads.shape[:-1], 3), unknown, dtype=np.float32)
+        for index, place in self._forces.items():
+            force[..., place] = loads[..., index]
+        return force
 
     def _place(self, load: Load) -> int | None:
         """Return the axis of the force that a load is, or None."""
