@@ -85,10 +85,11 @@ class Creep(StatefulTransform):
         """See `Transform.sweep`."""
         if max(np.ndim(self.amplitude), np.ndim(self.tau)) > 1 or np.ndim(self.held) or np.ndim(self.growth):
             return None
-        y, drive = x.copy(), self._drive(x)
-        for amplitude, tau in np.broadcast(self.amplitude, self.tau):
-            if amplitude:
-                y += float(amplitude) * ((1 - float(self.held)) * drive + lag_sequence(drive, float(tau), steps))
+        modes = [(float(amplitude), float(tau)) for amplitude, tau in np.broadcast(self.amplitude, self.tau)]
+        drive = self._drive(x)
+        y = lag_sequence(drive, modes, steps)
+        y += sum(amplitude for amplitude, _ in modes) * (1 - float(self.held)) * drive
+        y += x
         return y
 
     def _drive(self, x: Any) -> Any:

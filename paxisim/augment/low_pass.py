@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
-_LARGE = 2_000  # numbers in a frame above which the overhead of one call per frame is negligible
+_BLOCK = 16  # frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class LowPass(StatefulTransform):
 
     def sweep(self, x: NDArray[np.floating], steps: NDArray[np.float64]) -> NDArray[np.floating] | None:
         """See `Transform.sweep`."""
-        return None if np.ndim(self.tau) else x + lag_sequence(x, float(self.tau), steps)
+        return None if np.ndim(self.tau) else x + lag_sequence(x, [(1.0, float(self.tau))], steps)
 
 
 def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
@@ -71,35 +71,66 @@ def lag(change: Any, ahead: Any, tau: Any, dt: Any) -> Any:
     return xp.where(lags, xp.exp(-z) * ahead - share * change, xp.zeros_like(ahead))
 
 
-def lag_sequence(x: NDArray[np.floating], tau: float, steps: NDArray[np.float64]) -> NDArray[np.floating]:
-    """Apply `lag` to a whole sequence: q - x at each frame of ``(time, ...)``, 0 at the first."""
-    dt = steps.astype(x.dtype).reshape(*steps.shape, *[1] * (x.ndim - steps.ndim))
-    lags = tau > 1e-30 * dt
-    z = np.divide(dt, tau, out=np.zeros_like(dt), where=lags)
-    share = np.divide(-np.expm1(-z), z, out=np.ones_like(z), where=z > 0)
-    ahead = np.zeros_like(x)
-    np.subtract(x[:-1], x[1:], out=ahead[1:])
-    ahead *= np.where(lags, share, 0)
-    _accumulate(ahead, np.where(lags, np.exp(-z), 0))
-    return ahead
+def lag_sequence(
+    x: NDArray[np.floating], modes: Sequence[tuple[float, float]], steps: NDArray[np.float64]
+) -> NDArray[np.floating]:
+    """Apply several lags to a whole sequence and return the sum of ``scale (q - x)``.
 
+    A block of frames is one matrix product, whose columns are the changes of x in the block and the leads before it.
 
-def _accumulate(values: NDArray[np.floating], decay: NDArray[np.floating]) -> None:
-    """Add to each frame of ``(time, ...)``, in order and in place, `decay` ``(time, 1, ...)`` times the one before.
-
-    Several stretches of frames are accumulated in parallel, each starting at 0, and then corrected by the end value of
-    the stretch before. For small frames, the call overhead would otherwise exceed the arithmetic.
+    Args:
+        x: ``(time, ...)`` sequence; q equals x at the first frame.
+        modes: ``(scale, tau)`` of each lag, with tau in s.
+        steps: ``(time,)`` or ``(time, *batch)`` time since the previous frame (s).
     """
-    frames = len(values)
-    length = frames if values[:1].size > _LARGE else max(math.isqrt(frames), 1)
-    count = frames // length
-    whole = count * length
-    side = values[:whole].reshape(count, length, *values.shape[1:])
-    decays = decay[:whole].reshape(count, length, *decay.shape[1:])
-    for frame in range(1, length):
-        side[:, frame] += decays[:, frame] * side[:, frame - 1]
-    through = np.cumprod(decays, axis=1)
-    for stretch in range(1, count):
-        side[stretch] += through[stretch] * side[stretch - 1, -1]
-    for frame in range(whole, frames):
-        values[frame] += decay[frame] * values[frame - 1]
+    clocks = steps.reshape(len(steps), -1)
+    own = x.reshape(*clocks.shape, -1)
+    scales, taus = np.array(modes, dtype=np.float64).T
+    matrices = _block_matrices(clocks[1:], scales, taus, x.dtype)
+    out, columns = np.zeros_like(own), np.zeros((own.shape[1], matrices.shape[-1], own.shape[2]), x.dtype)
+    columns_by_frame, leads = columns.swapaxes(0, 1), np.s_[:, _BLOCK:]
+    for start, matrix in zip(range(1, len(x), _BLOCK), matrices, strict=True):
+        part = slice(start, min(start + _BLOCK, len(x)))
+        count = part.stop - start
+        np.subtract(own[part], own[start - 1 : part.stop - 1], out=columns_by_frame[:count])
+        advanced = matrix @ columns
+        out[part] = advanced[:, :count].swapaxes(0, 1)
+        columns[leads] = advanced[leads]
+    return out.reshape(x.shape)
+
+
+def _block_matrices(
+    steps: NDArray[np.float64], scales: NDArray[np.float64], taus: NDArray[np.float64], dtype: np.dtype
+) -> NDArray[np.floating]:
+    """``(blocks, streams, frames + modes, frames + modes)`` matrices that advance lags by a block of frames.
+
+    Columns are the changes of x in the frames of the block and the lead of each mode before it. Rows are the scaled sum
+    of the leads at each frame, and the lead of each mode after the block.
+
+    Args:
+        steps: ``(time, streams)`` s; after the last frame time stands still.
+        scales: ``(modes,)`` factors of the leads.
+        taus: ``(modes,)`` s.
+        dtype: Type of the matrices.
+    """
+    count, streams, modes = -(-len(steps) // _BLOCK), steps.shape[1], len(taus)
+    dt = np.zeros((count * _BLOCK, streams, 1))
+    dt[: len(steps), :, 0] = steps
+    # the lead after a change of 1 in one step, and what is left of a lead of 1
+    share, decay = (lag(np.full((*dt.shape[:2], modes), c), 1.0 - c, taus, dt).astype(dtype) for c in (1.0, 0.0))
+    share, decay = (v.reshape(count, _BLOCK, streams, modes) for v in (share, decay))
+    responses = np.zeros((_BLOCK, count, streams, modes, _BLOCK + 1), dtype)  # of each frame, to each column
+    before = np.zeros_like(responses[0])
+    before[..., _BLOCK] = 1
+    for frame in range(_BLOCK):
+        np.multiply(decay[:, frame, ..., None], before, out=responses[frame])
+        responses[frame, ..., frame] = share[:, frame]
+        before = responses[frame]
+    out = np.zeros((count, streams, _BLOCK + modes, _BLOCK + modes), dtype)
+    factors = scales.astype(dtype)
+    out[..., :_BLOCK, :_BLOCK] = np.einsum("ibsmj,m->bsij", responses[..., :_BLOCK], factors)
+    out[..., :_BLOCK, _BLOCK:] = np.moveaxis(responses[..., _BLOCK] * factors, 0, 2)
+    out[..., _BLOCK:, :_BLOCK] = before[..., :_BLOCK]
+    own = np.arange(_BLOCK, _BLOCK + modes)
+    out[..., own, own] = before[..., _BLOCK]
+    return out

@@ -172,7 +172,7 @@ class Transform:
             widened = {name: _widen(values, 1 + batch) for name, values in series.items()}
             return self(_widen(x, 5 + batch), widened)
         swept = self.sweep(x, steps) if type(x) is np.ndarray else None
-        if swept is not None:
+        if swept is not None and np.isfinite(swept[-1]).all():  # else a sweep may have spread NaN to earlier frames
             return swept
         state = self.initial_state(x[0], {name: values[0] for name, values in series.items()})
         frames = []

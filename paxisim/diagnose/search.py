@@ -151,8 +151,6 @@ def _exchanged(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
 def _dropped(scorer: Scorer, chosen: tuple[str, ...], exact: bool = False) -> tuple[str, ...]:
     """The set without the causes that fail the test; the weakest is dropped first."""
     while True:
-        if exact:  # each takes many fits
-            scorer.exact_all([scorer.without(chosen, name) for name in scorer.shown(chosen)])
         failed = [e for n in scorer.shown(chosen) if not (e := scorer.evidence(chosen, n, exact)).kept]
         if not failed:
             return chosen

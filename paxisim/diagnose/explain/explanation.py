@@ -178,7 +178,7 @@ def reading_without(found: Explanation, named: Named, part: CausePart | None = N
     problem = read_off(found.off.raw, [c for c in found.off.causes if c.name != named.name]).problem
     if found.off.readings[named.name].rounds:
         return replace(problem.noise, step=0.0, clips=False).read(found.heldout)
-    fitter = Fitter(problem, found.folds)
+    fitter = Fitter(problem, found.folds, jobs)
     fit = fitter.exact(fitter.fit(found.fit.causes, found.fit, found.fit.constant))
     return problem.read(heldout_of(problem, found.folds, fit, jobs))
 

@@ -21,6 +21,7 @@ from paxisim.diagnose.data.problem import FloatArray, Problem
 from paxisim.diagnose.rules import FITTING
 from paxisim.diagnose.scorer.model import Fitted, Model
 from paxisim.diagnose.scorer.squares import Squares, best_start
+from paxisim.parallel import parallel_map
 
 Shapes = Mapping[str, tuple[float, ...]]
 
@@ -98,16 +99,18 @@ class Fitter:
         problem: The recording, thinned to the frames that a fit needs.
         unit: ``(T,)`` unit of each compared frame; -1 in the gaps between blocks.
         fold: ``(units,)`` fold of each unit.
+        jobs: Number of processors.
     """
 
-    def __init__(self, problem: Problem, folds: Folds) -> None:
+    def __init__(self, problem: Problem, folds: Folds, jobs: int = 1) -> None:
         """Prepare the fits; nothing is fitted yet.
 
         Args:
             problem: The recording.
             folds: The folds.
+            jobs: Number of processors.
         """
-        self.whole, self.problem = problem, problem.thinned
+        self.whole, self.problem, self.jobs = problem, problem.thinned, jobs
         self.unit = self.problem.at_compared(problem.at_thinned(folds.unit)).astype(np.intp)
         self.fold = folds.fold
         self._shared: dict[tuple[tuple[str, tuple[float, ...]], ...], tuple[Problem, list[Problem]]] = {}
@@ -142,15 +145,18 @@ class Fitter:
 
     def exact(self, fit: Fit) -> Fit:
         """The fit with its folds refitted from scratch, without any use of the fit to all episodes."""
-        heldout, folds = np.zeros(len(self.fold)), []
-        for number in range(int(self.fold.max()) + 1):
+        heldout = np.zeros(len(self.fold))
+
+        def refit(number: int) -> Part:
             shapes = self._shapes(fit.causes, None, number)
             part = self._for_fit(fit.causes, shapes, None, fit.constant)[1][number]
             own = Squares(Model(self.problem, fit.causes, part), fit.causes)
             values, zero = self._descend(own, fit.causes, {})
             left = own.residual(values, zero)
             heldout[self.fold == number] = self._by_unit(left)[self.fold == number]
-            folds.append(_part(own, values, zero, shapes))
+            return _part(own, values, zero, shapes)
+
+        folds = parallel_map(refit, range(int(self.fold.max()) + 1), self.jobs)
         return replace(fit, folds=tuple(folds), heldout=heldout)
 
     def _descend(self, squares: Squares, causes: Sequence[Cause], start: Fitted) -> tuple[Fitted, FloatArray]:

@@ -18,6 +18,7 @@ from paxisim.diagnose.data.problem import FloatArray
 from paxisim.diagnose.rules import FITTING, Rules
 from paxisim.diagnose.scorer.fitting import Fit, Fitter
 from paxisim.diagnose.scorer.model import Model
+from paxisim.parallel import parallel_map
 
 
 class Ranking:
@@ -68,11 +69,14 @@ class Ranking:
         moves = np.array([about.low < value < about.high for value, (_, _, about) in zip(values, free, strict=True)])
         columns = [-slope.reshape(shape)[kept] * own for slope, own in zip(slopes, moves, strict=True)]
         owners = [name for name, _, _ in free]
-        for item in self.causes.values():
-            seen = weighed if item.change is None else through
-            own = [seen(effect) for effect in item.effects(problem, force)]
+
+        def seen(item: FittedCause) -> list[FloatArray]:
+            see = weighed if item.change is None else through
+            return [see(effect) for effect in item.effects(problem, force)]
+
+        for name, own in zip(self.causes, parallel_map(seen, self.causes.values(), fitter.jobs), strict=True):
             columns += own
-            owners += [item.name] * len(own)
+            owners += [name] * len(own)
         columns.append(weighed(self._rules.gauge_step * force))
         owners.append("")
         self._owner, self._chosen = np.array(owners), np.arange(len(owners)) < len(free)

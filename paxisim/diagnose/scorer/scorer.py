@@ -72,7 +72,7 @@ class Scorer:
             folds = folds_of(problem, shown, rules)
         self.folds = folds
         self.material = (rules.material + rules.replayed * problem.noise.excused) * problem.samples
-        self.fitter = Fitter(problem, folds)
+        self.fitter = Fitter(problem, folds, jobs)
         self._stage = ""
         self._fits: dict[frozenset[str], Fit] = {}
         self._rankings: dict[frozenset[str], Ranking] = {}
@@ -112,10 +112,6 @@ class Scorer:
             self._exact[fit] = self.fitter.exact(fit)
             self._say()
         return self._exact[fit]
-
-    def exact_all(self, fits: Sequence[Fit]) -> None:
-        """Fit the folds of several fits in parallel, so that each is cached."""
-        parallel_map(self.exact, fits, self.jobs)
 
     def without(self, names: Sequence[str], name: str) -> Fit:
         """The fit of a set without one of its causes; without a nuisance, the constant that other causes own stays."""
