@@ -130,3 +130,7 @@ def test_a_cause_of_ones_own_takes_part(own):
     for name, true in (("pad_0", 1.3), ("pad_1", 0.8)):
         assert values[name].value == pytest.approx(true, abs=0.03)
         assert values[name].low < values[name].value < values[name].high
+    vocabulary._ADDED[:] = [replace(pad_gain(), picture="taxel_map")]
+    with pytest.warns(UserWarning, match="the picture 'taxel_map' does not suit the cause 'pad_gain'"):
+        report = found.report()
+    assert "Measured force minus force in the model without pad_gain" in report

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
@@ -100,8 +101,21 @@ def head(diagnosis: Result) -> str:
 
 
 def evidence(effect: Effect) -> list[Picture]:
-    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered."""
-    return PICTURES[effect.about.picture if effect.about else "plain"](effect)
+    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered.
+
+    Plain ones also replace those that cannot be drawn, with a warning; a map, for example, needs a transform with a
+    value for each taxel.
+    """
+    kind = effect.about.picture if effect.about else "plain"
+    try:
+        return PICTURES[kind](effect)
+    except Exception as error:
+        if kind == "plain":
+            raise
+        name = effect.cause.name
+        words = f"the picture {kind!r} does not suit the cause {name!r}, the report has a plain one: {error!r}"
+        warnings.warn(words, stacklevel=2)
+        return plain(effect)
 
 
 def _context(diagnosis: Result) -> dict[str, Any]:
