@@ -12,10 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from light_and_dark import light_and_dark
 from matplotlib.figure import Figure
 
 import paxisim
-from paxisim.viz.dark import light_and_dark, on_dark
+from paxisim.viz.drawing import on_dark
 
 OUTPUT = Path(__file__).parent / "images" / "anyskin.png"
 SCALE = 25.0  # uT for an arrow of 1 mm

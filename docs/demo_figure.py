@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from light_and_dark import light_and_dark
+
 from paxisim.cli.demo import demo
-from paxisim.viz.dark import light_and_dark
 
 OUTPUT = Path(__file__).parent / "images" / "demo.png"
 

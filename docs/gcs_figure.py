@@ -14,12 +14,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from light_and_dark import light_and_dark
 from matplotlib.figure import Figure
 
 import paxisim
 from paxisim.augment.gcs import GCS
 from paxisim.cli.demo import PEG
-from paxisim.viz.dark import light_and_dark
 from paxisim.viz.drawing import draw_pad
 
 SQUEEZE = 8.0  # N

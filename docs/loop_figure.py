@@ -11,13 +11,14 @@ import itertools
 from pathlib import Path
 
 import numpy as np
+from light_and_dark import light_and_dark
 from matplotlib.figure import Figure
 from matplotlib.patches import ConnectionPatch
 
 import paxisim
 from paxisim.cli.example import example_recording
 from paxisim.diagnose import Diagnosis
-from paxisim.viz.dark import light_and_dark, on_dark
+from paxisim.viz.drawing import on_dark
 
 OUTPUT = Path(__file__).parent / "images" / "loop.png"
 SHOWN = slice(60, 170)  # samples of the traces

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 from gcs_figure import press, scene
+from light_and_dark import light_and_dark
 from matplotlib.figure import Figure
 
 import paxisim
 from paxisim.augment.gcs import GCS
-from paxisim.viz.dark import light_and_dark
 from paxisim.viz.drawing import draw_pad, draw_scales
 
 UNIT = 7

@@ -13,11 +13,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from light_and_dark import light_and_dark
 from PIL import Image
 
 import paxisim
 from paxisim.cli.example import example_recording
-from paxisim.viz.dark import light_and_dark, on_dark
+from paxisim.viz.drawing import on_dark
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from browser import Browser, Page, find

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from paxisim.layout import TaxelLayout
 from paxisim.viz.colors import STOPS, STOPS_ON_DARK, UNKNOWN_COLOR
-from paxisim.viz.dark import on_dark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -164,3 +163,11 @@ def round_down(value: float) -> float:
     """Round `value` down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(f"{max(step for step in (1, 2, 5, 10) if step * power <= value * (1 + 1e-9)) * power:.1g}")
+
+
+def on_dark() -> bool:
+    """Whether figures have a dark background by matplotlib's settings: their text is bright."""
+    from matplotlib import rcParams
+    from matplotlib.colors import to_rgb
+
+    return sum(to_rgb(rcParams["text.color"])) > 1.5

@@ -1,17 +1,9 @@
-"""Dark figures: whether matplotlib draws one, and the two variants of a picture of the documentation."""
+"""The two variants of a picture of the documentation, for light and for dark pages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-
-
-def on_dark() -> bool:
-    """Whether figures have a dark background by matplotlib's settings: their text is bright."""
-    from matplotlib import rcParams
-    from matplotlib.colors import to_rgb
-
-    return sum(to_rgb(rcParams["text.color"])) > 1.5
 
 
 def light_and_dark(path: Path) -> Iterator[Path]:
