@@ -14,6 +14,7 @@ import os
 import pickle
 import zipfile
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -121,15 +122,21 @@ class AsymmetricActor(Actor):
     batch, and the running statistics would mix both passes. The second pass therefore runs in evaluation mode.
     """
 
+    @cached_property
+    def _norms(self) -> list[nn.Module]:
+        """The modules that behave differently in training; `set_training_mode` walks through all, which takes longer."""
+        return [module for module in self.modules() if isinstance(module, nn.BatchNorm2d)]
+
     def action_log_prob(self, obs: Any) -> tuple[torch.Tensor, torch.Tensor]:
         """Return actions drawn from the policy, a Gaussian squashed by tanh, and their log probabilities."""
-        training = self.training
-        if not torch.is_grad_enabled():
-            self.set_training_mode(False)
+        norms = [] if torch.is_grad_enabled() else self._norms
+        for norm in norms:
+            norm.training = False
         try:
             mean, log_std, _ = self.get_action_dist_params(obs)
         finally:
-            self.set_training_mode(training)
+            for norm in norms:
+                norm.training = self.training
         noise = torch.randn_like(mean)
         action = torch.tanh(mean + log_std.exp() * noise)
         log_prob = -0.5 * (noise**2 + math.log(2 * math.pi)) - log_std - torch.log(1 - action**2 + SQUASHED)
