@@ -1,4 +1,4 @@
-"""SwappedTaxels: pairs of taxels are swapped."""
+"""SwappedTaxels: taxels read each other's force."""
 
 from __future__ import annotations
 
@@ -12,59 +12,67 @@ from paxisim.errors import InvalidValueError
 
 @dataclass(frozen=True, eq=False)
 class SwappedTaxels(Transform):
-    """Two taxels read each other's force on all axes, because two wires or two addresses were swapped.
+    """Taxels read each other's force on all axes, because wires or addresses were swapped.
 
-    Use `LayoutFault` for a reversed order or for swapped axes or pads. No information is lost, and a swap is its own
-    inverse. One mapping applies to all environments; the field is not a number that can be fitted.
+    Use `LayoutFault` for a reversed order or for swapped axes or pads. No information is lost. One mapping applies to
+    all environments; the field is not a number that can be fitted.
 
     Attributes:
-        pairs: One entry per pair: the pad, then row and column of both taxels, ``(pad, row, col, row, col)``; empty for
-            no swap.
+        rings: Rings of two or more taxels. Each taxel reads the force of the next one, the last that of the first: the
+            pad, then row and column of each taxel, ``(pad, row, col, row, col, ...)``. A ring of two is a swap. Empty
+            for no swap.
 
     Raises:
-        InvalidValueError: Also if a pair is not five whole numbers of at least 0, or a taxel is named twice.
+        InvalidValueError: Also if a ring is not such a sequence of whole numbers of at least 0, or a taxel is named
+            twice.
     """
 
     stage: ClassVar[str] = "electronics"
 
-    pairs: tuple[tuple[int, int, int, int, int], ...] = ()
+    rings: tuple[tuple[int, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Check the field."""
         super().__post_init__()
         try:
-            given = tuple(tuple(pair) for pair in self.pairs)
-            pairs: Any = tuple(tuple(int(number) for number in pair) for pair in given)
-            right = pairs == given and all(len(pair) == 5 and min(pair) >= 0 for pair in pairs)
+            given = tuple(tuple(ring) for ring in self.rings)
+            rings: Any = tuple(tuple(int(number) for number in ring) for ring in given)
+            right = rings == given and all(len(ring) >= 5 and len(ring) % 2 and min(ring) >= 0 for ring in rings)
         except (TypeError, ValueError):
-            pairs, right = (), False
+            rings, right = (), False
         if not right:
             raise InvalidValueError(
-                "SwappedTaxels: pairs must be (pad, row, col, row, col) each, whole numbers of at least 0, got "
-                f"{self.pairs!r}"
+                "SwappedTaxels: rings must be (pad, row, col, row, col, ...) each, whole numbers of at least 0, got "
+                f"{self.rings!r}"
             )
-        taxels = [taxel for pad, *own in pairs for taxel in ((pad, *own[:2]), (pad, *own[2:]))]
+        taxels = [taxel for ring in rings for taxel in _taxels(ring)]
         for taxel in taxels:
             if taxels.count(taxel) > 1:
-                raise InvalidValueError(f"SwappedTaxels: pairs name the taxel {taxel[1:]} of pad {taxel[0]} twice")
-        object.__setattr__(self, "pairs", pairs)
+                raise InvalidValueError(f"SwappedTaxels: rings name the taxel {taxel[1:]} of pad {taxel[0]} twice")
+        object.__setattr__(self, "rings", rings)
 
     def apply(self, x: Any, covariates: Covariates) -> Any:
         """See `Transform.apply`."""
-        if not self.pairs:
+        if not self.rings:
             return x
         xp, shape = namespace(x), tuple(x.shape)
         pads, axes, rows, cols = shape[-4:]
         order = list(range(pads * axes * rows * cols))
-        for pad, row, col, other_row, other_col in self.pairs:
-            if pad >= pads or max(row, other_row) >= rows or max(col, other_col) >= cols:
-                raise InvalidValueError(
-                    f"SwappedTaxels: ({row}, {col}) and ({other_row}, {other_col}) of pad {pad} are not both in a "
-                    f"tensor of shape {shape}"
-                )
+        for ring in self.rings:
+            taxels = _taxels(ring)
+            for pad, row, col in taxels:
+                if pad >= pads or row >= rows or col >= cols:
+                    raise InvalidValueError(
+                        f"SwappedTaxels: taxel ({row}, {col}) of pad {pad} is not in a tensor of shape {shape}"
+                    )
             for axis in range(axes):
-                first = (pad * axes + axis) * rows * cols
-                one, other = first + row * cols + col, first + other_row * cols + other_col
-                order[one], order[other] = other, one
+                places = [((pad * axes + axis) * rows + row) * cols + col for pad, row, col in taxels]
+                for place, source in zip(places, [*places[1:], places[0]], strict=True):
+                    order[place] = source
         index = xp.asarray(order, **({"device": x.device} if is_torch(x) else {}))
         return xp.reshape(xp.take(xp.reshape(x, (*shape[:-4], len(order))), index, axis=-1), shape)
+
+
+def _taxels(ring: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """Pad, row and column of each taxel of a ring."""
+    return [(ring[0], row, col) for row, col in zip(ring[1::2], ring[2::2], strict=True)]

@@ -135,9 +135,17 @@ class TestSwappedTaxels:
     def test_each_of_a_pair_reads_the_other(self):
         x, swapped = frame(0, 2), SwappedTaxels([(1, 0, 2, 5, 4), (0, 1, 1, 1, 2)])
         expected = x.copy()
-        for pad, *pair in swapped.pairs:
+        for pad, *pair in swapped.rings:
             (a, b), (c, d) = pair[:2], pair[2:]
             expected[:, pad, :, a, b], expected[:, pad, :, c, d] = x[:, pad, :, c, d], x[:, pad, :, a, b]
         np.testing.assert_array_equal(swapped(x), expected)
         (again,) = Chain.from_json(Chain([swapped]).to_json())
-        assert again.pairs == ((1, 0, 2, 5, 4), (0, 1, 1, 1, 2))
+        assert again.rings == ((1, 0, 2, 5, 4), (0, 1, 1, 1, 2))
+
+    def test_each_of_a_ring_reads_the_next(self):
+        x = frame(0, 2)
+        y = SwappedTaxels([(1, 0, 2, 5, 4, 3, 0)])(x)
+        expected = x.copy()
+        for (row, col), (next_row, next_col) in (((0, 2), (5, 4)), ((5, 4), (3, 0)), ((3, 0), (0, 2))):
+            expected[:, 1, :, row, col] = x[:, 1, :, next_row, next_col]
+        np.testing.assert_array_equal(y, expected)

@@ -23,7 +23,7 @@ def swapped(recording, *pairs):
 
 def told(found):
     fault = found.model["swapped_taxels"]
-    return (fault[0] if isinstance(fault, augment.Chain) else fault).pairs
+    return (fault[0] if isinstance(fault, augment.Chain) else fault).rings
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,23 @@ def test_where_a_reversal_swaps_but_two_it_is_called_a_reversal(rows, cols):
     assert names(found) == ["layout"]
 
 
-def test_a_turn_of_three_and_a_swap_of_normal_forces_alone_are_no_pair():
+@pytest.mark.parametrize("ring", [(0, 1, 0, 1, 2, 1, 1), (1, 0, 0, 3, 2, 1, 1, 2, 0)])
+def test_a_ring_is_named_with_its_order(ring):
     recording = plain(seed=6)
-    turned, normal = recording.measured.copy(), recording.measured.copy()
-    turned[:, 0, :, 1, :] = np.roll(recording.measured[:, 0, :, 1, :], 1, axis=-1)
-    normal[:, 0, 2, 1, 1:] = recording.measured[:, 0, 2, 1, :0:-1]
-    for measured in (turned, normal):
-        assert "swapped_taxels" not in names(diagnosed(replace(recording, measured=measured), READ))
+    fault = augment.SwappedTaxels([ring, (0, 0, 0, 3, 1)])
+    found = diagnosed(replace(recording, measured=fault(recording.measured)), (*READ, "taxel_gain"))
+    assert names(found) == ["swapped_taxels"]
+    assert set(told(found)) == set(fault.rings)
+    first = f"pad{ring[0]} ({ring[1]}, {ring[2]}) reads ({ring[3]}, {ring[4]}) reads ({ring[5]}, {ring[6]}) reads"
+    assert first in " ".join(str(found).split())
+    assert "pad0 (0, 0) and (3, 1) swapped" in " ".join(str(found).split())
+
+
+def test_a_swap_of_normal_forces_alone_is_none():
+    recording = plain(seed=6)
+    measured = recording.measured.copy()
+    measured[:, 0, 2, 1, 1:] = recording.measured[:, 0, 2, 1, :0:-1]
+    assert "swapped_taxels" not in names(diagnosed(replace(recording, measured=measured), READ))
     rows = small(seed=5, rows=3, cols=2)
     assert names(diagnosed(swapped(rows, (0, 0, 1, 2, 1), (1, 0, 1, 2, 1)), ("layout",))) == []
 

@@ -1,4 +1,4 @@
-"""Swapped taxels: pairs of taxels on a pad are swapped; read off the streams.
+"""Swapped taxels: taxels of a pad read each other's force, in pairs or in larger rings; read off the streams.
 
 A reversal or transposition that fits all the taxels it moves is a `layout` fault. The layout is read first and takes
 precedence: on pads of two taxels, of three in a row, or of 2x2, some layout faults swap only two taxels.
@@ -18,36 +18,49 @@ from paxisim.diagnose.rules import CHECKS
 
 
 def _read(problem: Problem) -> Reading | None:
-    """Return the pairs in which each taxel reads the other's force clearly better than its own."""
-    pairs = [pair for pad in range(len(problem.alive)) for pair in _pairs(problem, pad)]
-    if not pairs:
+    """Return the rings in which each taxel reads the force of the next one clearly better than its own."""
+    rings = [ring for pad in range(len(problem.alive)) for ring in _rings(problem, pad)]
+    if not rings:
         return None
-    fault = augment.SwappedTaxels(tuple(pairs))
+    fault = augment.SwappedTaxels(tuple(rings))
     return Reading(fault, {}, with_noise(replace(problem, simulated=fault(problem.simulated))))
 
 
-def _pairs(problem: Problem, pad: int) -> list[tuple[int, int, int, int, int]]:
-    """Return the swapped pairs of a pad.
+def _rings(problem: Problem, pad: int) -> list[tuple[int, ...]]:
+    """Return the rings of a pad.
 
-    The normal force that a taxel of a pair reads best must be the other's, in most episodes that decide, and the shear
-    must not contradict the swap.
+    The normal force that a taxel of a ring reads best must be that of the next one, in most episodes that decide, and
+    the shear must not contradict this.
     """
     residual, load = _residuals(problem, pad, 2)
     shear = _residuals(problem, pad, 0)[0] + _residuals(problem, pad, 1)[0]
     total, certain, cols = residual.sum(axis=0), CHECKS.certain**2, problem.alive.shape[-1]
-    best = np.argmin(total, axis=1)
-    pairs = []
-    for one, other in enumerate(best):
-        own, its = (one, other), (other, one)
-        if one >= other or best[other] != one or max(load[one], load[other]) <= CHECKS.pair_load * load.max():
+    rings = []
+    for ring in _cycles(np.argmin(total, axis=1).tolist()):
+        if load[ring].max() <= CHECKS.pair_load * load.max():
             continue
-        gain, shear_gain = (each[:, own, own] - each[:, own, its] for each in (residual, shear))  # (episodes, 2)
+        its = [*ring[1:], ring[0]]
+        gain, shear_gain = (
+            each[:, ring, ring] - each[:, ring, its] for each in (residual, shear)
+        )  # (episodes, taxels)
         decides = np.abs(gain) > certain
-        fits = np.all(total[own, its] < CHECKS.residual * total[own, own]) and shear_gain.sum() > -certain
+        fits = np.all(total[ring, its] < CHECKS.residual * total[ring, ring]) and shear_gain.sum() > -certain
         agrees = np.all(np.sum(gain > certain, axis=0) >= CHECKS.most * decides.sum(axis=0))
         if fits and agrees and decides.any(axis=1).sum() >= CHECKS.repeats:
-            pairs.append((pad, *map(int, divmod(one, cols)), *map(int, divmod(other, cols))))
-    return pairs
+            rings.append((pad, *(number for taxel in ring for number in divmod(taxel, cols))))
+    return rings
+
+
+def _cycles(best: list[int]) -> list[list[int]]:
+    """Return the cycles of two or more taxels in a map from taxels to taxels, each from its smallest taxel on."""
+    cycles = []
+    for start in range(len(best)):
+        cycle = [start]
+        while (after := best[cycle[-1]]) > start and after not in cycle:
+            cycle.append(after)
+        if after == start and len(cycle) > 1:
+            cycles.append(cycle)
+    return cycles
 
 
 def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:
@@ -74,6 +87,6 @@ SWAPPED_TAXELS = DetectedCause(
     excites="probe",
     read=_read,
     barred=mixes_alike,
-    words="Pairs of taxels are swapped.",
+    words="Taxels are swapped, in pairs or in larger rings.",
     picture="mapping",
 )
