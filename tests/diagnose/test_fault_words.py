@@ -59,7 +59,7 @@ def moments():
         (
             "swapped_taxels",
             SwappedTaxels([(1, 0, 0, 3, 2), (0, 1, 1, 1, 2), (0, 0, 0, 0, 1)]),
-            "pad left (1, 1) and (1, 2), (0, 0) and (0, 1) swapped; pad right (0, 0) and (3, 2) swapped",
+            "pad left (1, 1) and (1, 2) swapped, (0, 0) and (0, 1) swapped; pad right (0, 0) and (3, 2) swapped",
         ),
     ],
 )

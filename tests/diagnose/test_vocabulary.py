@@ -131,6 +131,6 @@ def test_a_cause_of_ones_own_takes_part(own):
         assert values[name].value == pytest.approx(true, abs=0.03)
         assert values[name].low < values[name].value < values[name].high
     vocabulary._ADDED[:] = [replace(pad_gain(), picture="taxel_map")]
-    with pytest.warns(UserWarning, match="the picture 'taxel_map' does not suit the cause 'pad_gain'"):
+    with pytest.warns(UserWarning, match="the picture 'taxel_map' does not suit 'pad_gain'"):
         report = found.report()
     assert "Measured force minus force in the model without pad_gain" in report

@@ -29,7 +29,7 @@ def curves(effect: Effect, near: float = np.inf) -> list[Picture]:
     if np.abs(np.diff(curve)).sum() > _WINDING * np.ptp(curve):  # it depends on more than this force: draw the mean
         at, curve = x, fitted
     style.with_cause(axes, at, curve, name)
-    style.means(axes, x, mean)
+    style.points(axes, x, mean, "measured, mean")
     wide = float(max(np.abs(mean).max(), np.abs(fitted).max()))
     axes.set_ylim(max(float(seen.min()), -2.2 * wide), min(float(seen.max()), 2.2 * wide))
     title = "Deviation from the straight line, all taxels"
@@ -75,7 +75,7 @@ def channel_curves(effect: Effect) -> list[Picture]:
         x, seen, fitted = style.binned(lacking, measured - lacking, model - lacking, bins=16, least=8)
         style.level(axes)
         style.with_cause(axes, x, fitted, name)
-        style.means(axes, x, seen, 2.5)
+        style.points(axes, x, seen, "measured, mean", 2.5)
         axes.set_title(f"{AXES[axis]} ({row}, {col})", fontsize=8, color=MUTED)
     for axes in grid[len(order) :]:
         axes.set_axis_off()
@@ -232,8 +232,7 @@ def _halfway(x: Series) -> list[int]:
 
 def _mixing(effect: Effect, pad: int) -> Series:
     """``(3, 3)`` least-squares coupling matrix of the model; rows are axes of the reading, columns of the force."""
-    x = np.stack([effect.sums(pad, axis)[1] for axis in range(3)])
-    y = np.stack([effect.sums(pad, axis)[2] for axis in range(3)])
+    x, y = (np.stack([effect.sums(pad, axis)[which] for axis in range(3)]) for which in (1, 2))
     ridge = 1e-9 * max(float(np.trace(x @ x.T)), 1e-12) * np.eye(3)
     return y @ x.T @ np.linalg.inv(x @ x.T + ridge)
 

@@ -39,10 +39,8 @@ def percent(value: Interval | float) -> str:
 
 def _sizes(heldout: HeldOut, extended: bool) -> Picture:
     rows = [("simulation", heldout.nrmse_before, SIMULATED)]
-    if extended:
-        rows.append(("extended", heldout.nrmse_after, EXTENDED))
-    if heldout.ceiling_nrmse is not None:
-        rows.append(("black box", heldout.ceiling_nrmse, MUTED))
+    rows += [("extended", heldout.nrmse_after, EXTENDED)] if extended else []
+    rows += [("black box", heldout.ceiling_nrmse, MUTED)] if heldout.ceiling_nrmse is not None else []
     figure, axes = style.panel("normalised RMSE, %", height=0.85 + 0.38 * len(rows))
     floor = heldout.noise_floor
     most = max(heldout.nrmse_before, heldout.nrmse_after, floor)
@@ -188,9 +186,8 @@ def shares(symptoms: Symptoms, extended: bool = True) -> list[Picture]:
     if sum(place.before for place in symptoms.pads) <= 0:
         return []
     pads = tuple(replace(place, where=pad_in_words(place.where)) for place in symptoms.pads)
-    kinds = [("phase", [symptoms.phases]), ("frequency", [symptoms.frequencies])]
-    kinds.append(("pad and axis", [pads, symptoms.axes]))
-    return [_shares(name, groups, extended) for name, groups in kinds if all(groups)]
+    kinds = {"phase": [symptoms.phases], "frequency": [symptoms.frequencies], "pad and axis": [pads, symptoms.axes]}
+    return [_shares(name, groups, extended) for name, groups in kinds.items() if all(groups)]
 
 
 def _shares(name: str, groups: Sequence[Sequence[Place]], extended: bool) -> Picture:

@@ -101,20 +101,14 @@ def head(diagnosis: Result) -> str:
 
 
 def evidence(effect: Effect) -> list[Picture]:
-    """Return the pictures of a cause, of the kind that it declares; plain ones if it is no longer registered.
-
-    Plain ones also replace those that cannot be drawn, with a warning; a map, for example, needs a transform with a
-    value for each taxel.
-    """
-    kind = effect.about.picture if effect.about else "plain"
+    """Return the pictures of a cause, of the kind that it declares; plain ones, with a warning, if they do not suit."""
+    kind = effect.about.picture if effect.about else "plain"  # it may not be registered any more
     try:
         return PICTURES[kind](effect)
     except Exception as error:
         if kind == "plain":
             raise
-        name = effect.cause.name
-        words = f"the picture {kind!r} does not suit the cause {name!r}, the report has a plain one: {error!r}"
-        warnings.warn(words, stacklevel=2)
+        warnings.warn(f"the picture {kind!r} does not suit {effect.cause.name!r}: {error!r}", stacklevel=2)
         return plain(effect)
 
 

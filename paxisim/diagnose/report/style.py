@@ -76,10 +76,8 @@ def panel(x: str, y: str = "", height: float = HEIGHT) -> tuple[Figure, Axes]:
 
 def finish(figure: Figure, title: str, alt: str) -> Picture:
     """Convert a figure to a `Picture`, with a legend of its labelled lines above the axes."""
-    labelled = {}
-    for axes in figure.axes:
-        handles, labels = axes.get_legend_handles_labels()
-        labelled.update(dict(zip(labels, handles, strict=True)))
+    pairs = (pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True))
+    labelled = {label: handle for handle, label in pairs}
     if labelled:
         figure.legend(
             labelled.values(), labelled.keys(), loc="outside upper left", ncols=3, handlelength=1.4,
@@ -109,14 +107,9 @@ def cloud(axes: Axes, x: np.ndarray, y: np.ndarray, faint: bool = False) -> None
     axes.plot(x, y, "o", color=MEASURED, alpha=alpha, markersize=2.8, markeredgewidth=0, label=label)
 
 
-def means(axes: Axes, x: np.ndarray, y: np.ndarray, size: float = 4.5) -> None:
-    """Draw binned means of measured samples."""
-    axes.plot(x, y, "o", color=MEASURED, markersize=size, markeredgewidth=0, label="measured, mean")
-
-
-def points(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    """Draw a few measured samples as individual points."""
-    axes.plot(x, y, "o", color=MEASURED, markersize=4, alpha=0.8, markeredgewidth=0, label="measured")
+def points(axes: Axes, x: np.ndarray, y: np.ndarray, label: str = "measured", size: float = 4.0) -> None:
+    """Draw a few measured samples, or the means of many, as individual points."""
+    axes.plot(x, y, "o", color=MEASURED, markersize=size, alpha=0.9, markeredgewidth=0, label=label)
 
 
 def without(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:

@@ -210,16 +210,11 @@ def fault_in_words(diagnosis: Result, name: str) -> str:
     if isinstance(member, LayoutFault):
         words = _layout(member, pads)
     elif isinstance(member, SwappedTaxels):
-        for pad in sorted({ring[0] for ring in member.rings}):
-            own = [
-                [f"({r}, {c})" for r, c in zip(ring[1::2], ring[2::2], strict=True)]
-                for ring in member.rings
-                if ring[0] == pad
-            ]
-            swapped = [" and ".join(ring) for ring in own if len(ring) == 2]
-            words += [f"{_pad(pads, pad)} {_first(swapped)} swapped"] if swapped else []
-            for ring in (ring for ring in own if len(ring) > 2):
-                words.append(f"{_pad(pads, pad)} {' reads '.join([*ring, ring[0]])}")
+        swapped: dict[int, list[str]] = {}
+        for pad, *own in member.rings:
+            taxels = [f"({row}, {col})" for row, col in zip(own[::2], own[1::2], strict=True)]
+            swapped.setdefault(pad, []).extend(_moved([*range(1, len(taxels)), 0], taxels))
+        words = [f"{_pad(pads, pad)} {_first(own)}" for pad, own in sorted(swapped.items())]
     elif isinstance(member, DeadTaxels):
         for which, what in ((member.dead, "no response"), (member.stuck, "stuck")):
             places = np.argwhere(np.asarray(which) > 0)

@@ -201,12 +201,11 @@ def _at_rest(effect: Effect) -> NDArray[np.bool_]:
 
 def _against_covariate(effect: Effect, pad: int, axis: int) -> Picture:
     streams, frames = effect.streams, _at_rest(effect)
-    measured, lacking, model = (force[frames] for force in effect.sums(pad, axis))
+    measured, lacking, model = (force[frames] / streams.layout.taxels for force in effect.sums(pad, axis))
     covariate = followed(effect.member, streams.covariates, (model - lacking)[:, None], frames)[0]
     label, scale = _LABELS.get(covariate, (covariate, 1.0))
     what = f"the {label.split(',')[0]}" if covariate in _LABELS else label
     x = (scale * streams.covariates[covariate])[frames]
-    measured, lacking, model = (force / streams.layout.taxels for force in (measured, lacking, model))
     seen, adds = measured - lacking, model - lacking
     middle = float(np.mean(seen - adds))  # the effect is determined only up to a constant
     figure, axes = style.panel(f"{label} (pads unloaded)", f"{AXES[axis]} reading, N per taxel")
@@ -238,7 +237,7 @@ def zero_against_time(effect: Effect, shift: Series, title: str) -> Picture:
     style.with_cause(axes, at, adds, name)
     rests = [np.flatnonzero(frames[span]) + span.start for span in streams.episodes]
     means = [(minutes[rest].mean(), seen[rest].mean()) for rest in rests if len(rest)]
-    style.means(axes, *np.array(means).T)
+    style.points(axes, *np.array(means).T, label="measured, mean")
     place = f"{streams.pad(pad)}, {AXES[axis]}, mean of {int(taxels.sum())} taxels"
     alt = f"Reading at rest against time, {place}. The episode means lie on the line of the model with {name}."
     return style.finish(figure, f"{title} ({place})", alt)
