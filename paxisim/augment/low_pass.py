@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from paxisim.augment.parameter_spec import namespace, parameter
 from paxisim.augment.transform import Covariates, State, StatefulTransform, keep
 
-_BLOCK = 16  # frames
+_BLOCK = 16  # frames that one matrix advances
+_SPAN = 256 * _BLOCK  # frames whose matrices are in memory at the same time
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +88,9 @@ def lag_sequence(
     clocks = steps.reshape(len(steps), -1)
     own = x.reshape(*clocks.shape, -1)
     scales, taus = np.array(modes, dtype=np.float64).T
-    matrices = _block_matrices(clocks[1:], scales, taus, x.dtype)
-    out, columns = np.zeros_like(own), np.zeros((own.shape[1], matrices.shape[-1], own.shape[2]), x.dtype)
+    spans = (clocks[first : first + _SPAN] for first in range(1, len(clocks), _SPAN))
+    matrices = chain.from_iterable(_block_matrices(span, scales, taus, x.dtype) for span in spans)
+    out, columns = np.zeros_like(own), np.zeros((own.shape[1], _BLOCK + len(modes), own.shape[2]), x.dtype)
     columns_by_frame, leads = columns.swapaxes(0, 1), np.s_[:, _BLOCK:]
     for start, matrix in zip(range(1, len(x), _BLOCK), matrices, strict=True):
         part = slice(start, min(start + _BLOCK, len(x)))
