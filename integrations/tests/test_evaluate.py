@@ -21,6 +21,7 @@ import paxisim
 
 POLICIES = Path(__file__).parents[1] / "policies"
 SHIPPED = sorted(folder.name for folder in POLICIES.iterdir())
+SETTLED = POLICIES.parent / "settled"
 
 
 def test_results_of_a_run(trained_run, tmp_path, capsys):
@@ -183,16 +184,19 @@ def test_a_reference_sensor_with_memory_and_its_neighbour():
         stand_in_of("reference:unit:x")
 
 
-def test_the_shipped_policies_have_results_of_as_many_steps():
-    assert len(SHIPPED) == 51, "one for each task and method"
-    for name in SHIPPED:
-        document = json.loads((POLICIES / name / "run.json").read_text())
+@pytest.mark.parametrize(("policies", "results"), [(POLICIES, RESULTS), (SETTLED / "policies", SETTLED / "results")])
+def test_the_shipped_policies_have_results_of_as_many_steps(policies, results):
+    names = sorted(folder.name for folder in policies.iterdir())
+    assert len(names) == (51 if policies == POLICIES else COUNT)
+    for name in names:
+        document = json.loads((policies / name / "run.json").read_text())
         task, method, seed = (document[key] for key in ("task", "method", "seed"))
         assert name == folder_of(task, method, seed)
-        result = Result.load(RESULTS / file_of(task, method, "sim", seed))
-        found = torch.load(POLICIES / name / "actor.pt", weights_only=True)
-        assert result.trials == 50, name
-        assert (found["steps"], found["updates"]) == (result.training["steps"], result.training["updates"]), name
+        found = torch.load(policies / name / "actor.pt", weights_only=True)
+        for sensor in ("sim", "transfer pads"):
+            result = Result.load(results / file_of(task, method, sensor, seed))
+            assert result.trials == 50, name
+            assert (found["steps"], found["updates"]) == (result.training["steps"], result.training["updates"]), name
 
 
 def solves_as_often(name, engine, trials):
