@@ -124,7 +124,7 @@ class AsymmetricActor(Actor):
 
     @cached_property
     def _norms(self) -> list[nn.Module]:
-        """The modules that behave differently in training; `set_training_mode` walks through all, which takes longer."""
+        """The modules that behave differently in training; `set_training_mode` walks through all, which is slow."""
         return [module for module in self.modules() if isinstance(module, nn.BatchNorm2d)]
 
     def action_log_prob(self, obs: Any) -> tuple[torch.Tensor, torch.Tensor]:
