@@ -85,10 +85,10 @@ class Creep(StatefulTransform):
         """See `Transform.sweep`."""
         if max(np.ndim(self.amplitude), np.ndim(self.tau)) > 1 or np.ndim(self.held) or np.ndim(self.growth):
             return None
-        modes = [(float(amplitude), float(tau)) for amplitude, tau in np.broadcast(self.amplitude, self.tau)]
+        modes = [(float(share), float(tau)) for share, tau in np.broadcast(self.amplitude, self.tau) if share]
         drive = self._drive(x)
         y = lag_sequence(drive, modes, steps)
-        y += sum(amplitude for amplitude, _ in modes) * (1 - float(self.held)) * drive
+        y += sum(share for share, _ in modes) * (1 - float(self.held)) * drive
         y += x
         return y
 

@@ -87,7 +87,7 @@ def lag_sequence(
     """
     clocks = steps.reshape(len(steps), -1)
     own = x.reshape(*clocks.shape, -1)
-    scales, taus = np.array(modes, dtype=np.float64).T
+    scales, taus = np.array(modes, dtype=np.float64).reshape(-1, 2).T
     spans = (clocks[first : first + _SPAN] for first in range(1, len(clocks), _SPAN))
     matrices = chain.from_iterable(_block_matrices(span, scales, taus, x.dtype) for span in spans)
     out, columns = np.zeros_like(own), np.zeros((own.shape[1], _BLOCK + len(modes), own.shape[2]), x.dtype)
@@ -119,9 +119,9 @@ def _block_matrices(
     count, streams, modes = -(-len(steps) // _BLOCK), steps.shape[1], len(taus)
     dt = np.zeros((count * _BLOCK, streams, 1))
     dt[: len(steps), :, 0] = steps
-    # the lead after a change of 1 in one step, and what is left of a lead of 1
-    share, decay = (lag(np.full((*dt.shape[:2], modes), c), 1.0 - c, taus, dt).astype(dtype) for c in (1.0, 0.0))
-    share, decay = (v.reshape(count, _BLOCK, streams, modes) for v in (share, decay))
+    one, none = np.ones((*dt.shape[:2], modes)), np.zeros((*dt.shape[:2], modes))
+    share, decay = lag(one, none, taus, dt), lag(none, one, taus, dt)  # after a change of 1, and after a lead of 1
+    share, decay = (v.astype(dtype).reshape(count, _BLOCK, streams, modes) for v in (share, decay))
     responses = np.zeros((_BLOCK, count, streams, modes, _BLOCK + 1), dtype)  # of each frame, to each column
     before = np.zeros_like(responses[0])
     before[..., _BLOCK] = 1

@@ -150,12 +150,10 @@ def _exchanged(scorer: Scorer, chosen: tuple[str, ...]) -> tuple[str, ...]:
 
 def _dropped(scorer: Scorer, chosen: tuple[str, ...], exact: bool = False) -> tuple[str, ...]:
     """The set without the causes that fail the test; the weakest is dropped first."""
-    while True:
-        failed = [e for n in scorer.shown(chosen) if not (e := scorer.evidence(chosen, n, exact)).kept]
-        if not failed:
-            return chosen
+    while failed := [e for n in scorer.shown(chosen) if not (e := scorer.evidence(chosen, n, exact)).kept]:
         weakest = min(failed, key=lambda e: e.share).name
         chosen = tuple(n for n in chosen if n != weakest)
+    return chosen
 
 
 def _by_merit(scorer: Scorer, sets: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:

@@ -13,8 +13,8 @@ ROOMS = ["rules", "data", "causes", "known", "scorer", "search", "result", "expl
 ROOMS += ["diagnosis", "pipeline"]
 """Rooms and single files in the order in which each may import those before it."""
 LINES = {  # the target, and the upper bound until it is reached
-    "core": (3800, 6424),
-    "causes": (1200, 2428),
+    "core": (3800, 6420),
+    "causes": (1200, 2415),
     "inside": (600, 510),
     "report": (1900, 1900),
 }

@@ -1,11 +1,12 @@
 """Pictures of pads: what a person reads from colours, arrows, scales and names."""
 
+import importlib
 import io
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib.colors
-import matplotlib.style
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,6 +22,7 @@ from paxisim.viz.colors import STOPS, UNKNOWN_COLOR, taxel_colors
 from paxisim.viz.drawing import round_down
 
 LAYOUT = TaxelLayout(6, 5, (4.35e-3, 4.52e-3))
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def reading(layout=LAYOUT, seed=0):
@@ -156,21 +158,28 @@ def test_draws_in_given_axes_and_any_name():
         figure.savefig(io.BytesIO(), format="svg")
 
 
-@pytest.mark.parametrize("style", ["default", "dark_background"])
-def test_a_pad_can_be_drawn_for_a_dark_page(style):
+def test_a_pad_can_be_drawn_for_a_dark_page(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    light_and_dark = importlib.import_module("light_and_dark").light_and_dark
     force = np.zeros(LAYOUT.shape)
     force[2, 0, 0] = force[0, 1, 1] = 1.0
-    with matplotlib.style.context(style):
+    before = dict(matplotlib.rcParams)
+    for path, dark in zip(light_and_dark(tmp_path / "pad.png"), (False, True), strict=True):
         ax = plot_tactile(force, LAYOUT, title="left")
+        ax.figure.savefig(path)
+        paper = 0.0 if dark else 1.0
         colors = face_colors(ax)
-    paper = 0.0 if style == "dark_background" else 1.0
-    texts = [ax.xaxis.label, *ax.get_xticklabels(), ax.child_axes[0].yaxis.label, keys_of(ax)[0].text]
-    texts += [next(t for t in ax.findobj(Text) if t.get_text() == "left")]
-    assert {abs(matplotlib.colors.to_rgb(t.get_color())[0] - paper) > 0.7 for t in texts} == {True}
-    assert abs(colors[-1, :3] - paper).max() < 0.3, "near the page at rest"
-    assert colors[0, 0] - colors[0, 1] > 0.6, "red where pressed"
-    green = arrows_of(ax).get_facecolor()[0, 1]
-    assert abs(green - colors[-1, 1]) > 0.4, "the arrow is seen on a taxel at rest"
+        texts = [ax.xaxis.label, *ax.get_xticklabels(), ax.child_axes[0].yaxis.label, keys_of(ax)[0].text]
+        texts += [next(t for t in ax.findobj(Text) if t.get_text() == "left")]
+        assert {abs(matplotlib.colors.to_rgb(t.get_color())[0] - paper) > 0.7 for t in texts} == {True}
+        assert abs(colors[-1, :3] - paper).max() < 0.3, "near the page at rest"
+        assert colors[0, 0] - colors[0, 1] > 0.6, "red where pressed"
+        green = arrows_of(ax).get_facecolor()[0, 1]
+        assert abs(green - colors[-1, 1]) > 0.4, "the arrow is seen on a taxel at rest"
+        corner = matplotlib.image.imread(path)[0, 0]
+        assert corner[3] == (0 if dark else 1), "the page shows through"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["pad-dark.png", "pad.png"]
+    assert dict(matplotlib.rcParams) == before
 
 
 def test_pads_share_one_scale():

@@ -50,8 +50,7 @@ def _read(problem: Problem) -> Reading | None:
     if not best and signs == (1, 1, 1) and order == (0, 1, 2):
         return None
     fault = augment.LayoutFault(**best, axis_signs=signs, axis_order=order)
-    moved = fault(problem.simulated)
-    return Reading(fault, {}, with_noise(replace(problem, simulated=moved)))
+    return Reading(fault, {}, with_noise(replace(problem, simulated=fault(problem.simulated))))
 
 
 def _fits_all(measured: FloatArray, given: FloatArray, moved: FloatArray) -> bool:

@@ -27,40 +27,28 @@ def _read(problem: Problem) -> Reading | None:
 
 
 def _rings(problem: Problem, pad: int) -> list[tuple[int, ...]]:
-    """Return the rings of a pad.
+    """Return the rings of a pad: each taxel reads best the normal force of the next, in most episodes that decide.
 
-    The normal force that a taxel of a ring reads best must be that of the next one, in most episodes that decide, and
-    the shear must not contradict this.
+    The shear must not contradict this. A ring begins with its first taxel.
     """
     residual, load = _residuals(problem, pad, 2)
     shear = _residuals(problem, pad, 0)[0] + _residuals(problem, pad, 1)[0]
-    total, certain, cols = residual.sum(axis=0), CHECKS.certain**2, problem.alive.shape[-1]
-    rings = []
-    for ring in _cycles(np.argmin(total, axis=1).tolist()):
-        if load[ring].max() <= CHECKS.pair_load * load.max():
+    total, certain, cols, rings = residual.sum(axis=0), CHECKS.certain**2, problem.alive.shape[-1], []
+    best = np.argmin(total, axis=1).tolist()
+    for start in range(len(best)):
+        ring = [start]
+        while (after := best[ring[-1]]) > start and after not in ring:
+            ring.append(after)
+        if after != start or len(ring) < 2 or load[ring].max() <= CHECKS.pair_load * load.max():
             continue
-        its = [*ring[1:], ring[0]]
-        gain, shear_gain = (
-            each[:, ring, ring] - each[:, ring, its] for each in (residual, shear)
-        )  # (episodes, taxels)
+        its = [*ring[1:], start]
+        gain, shear_gain = (each[:, ring, ring] - each[:, ring, its] for each in (residual, shear))  # (episodes, ring)
         decides = np.abs(gain) > certain
         fits = np.all(total[ring, its] < CHECKS.residual * total[ring, ring]) and shear_gain.sum() > -certain
         agrees = np.all(np.sum(gain > certain, axis=0) >= CHECKS.most * decides.sum(axis=0))
         if fits and agrees and decides.any(axis=1).sum() >= CHECKS.repeats:
             rings.append((pad, *(number for taxel in ring for number in divmod(taxel, cols))))
     return rings
-
-
-def _cycles(best: list[int]) -> list[list[int]]:
-    """Return the cycles of two or more taxels in a map from taxels to taxels, each from its smallest taxel on."""
-    cycles = []
-    for start in range(len(best)):
-        cycle = [start]
-        while (after := best[cycle[-1]]) > start and after not in cycle:
-            cycle.append(after)
-        if after == start and len(cycle) > 1:
-            cycles.append(cycle)
-    return cycles
 
 
 def _residuals(problem: Problem, pad: int, axis: int) -> tuple[FloatArray, FloatArray]:

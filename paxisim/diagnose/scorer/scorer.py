@@ -203,15 +203,9 @@ class Scorer:
 
     def near_misses(self, names: Sequence[str]) -> dict[str, float]:
         """Gain relative to the required gain of each cause that was added to a set and failed the test."""
-        found = {}
-        for key in list(self._fits):
-            extra = key - set(names)
-            if len(extra) == 1 and set(names) < key:
-                name = next(iter(extra))
-                evidence = self.evidence([*names, name], name)
-                if not evidence.kept and evidence.amount >= 1:
-                    found[name] = evidence.share
-        return found
+        more = [key.difference(names) for key in self._fits if key > set(names)]
+        tests = [self.evidence([*names, name], name) for added in more if len(added) == 1 for name in added]
+        return {test.name: test.share for test in tests if not test.kept and test.amount >= 1}
 
     def _price(self, name: str) -> float:
         """Energy that a cause must gain to matter."""
