@@ -153,27 +153,43 @@ def _candidates(
         vertices, faces = hull(surface.triangles.reshape(-1, 3))
         facets.append((vertices[faces], True))
     for triangles, stepped in facets:
-        cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        length = np.linalg.norm(cross, axis=1)
-        facing = cross @ goal > _COS_SEARCH * length
-        normals, weights = cross[facing] / length[facing, None], length[facing]
+        normals, weights = _facets(triangles, goal)
         if stepped and base is not None:
-            aside = unit(np.cross(goal, surface.points.mean(axis=0) - base))
-            normals = normals - np.outer(normals @ aside, aside)
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = _without(normals, unit(np.cross(goal, surface.points.mean(axis=0) - base)))
         apart = np.cos(np.radians(3 if stepped else 8))
         for mean in seen:
             normals, weights = _apart(mean, normals, weights, apart)
         for _ in range(most):
             if not weights.sum() > 0:
                 break
-            keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
-            totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
-            facet = index.ravel() == int(totals.argmax())
-            mean = unit(np.sum(normals[facet] * weights[facet, None], axis=0))
+            mean = _largest_facet(normals, weights)
             seen.append(mean)
             yield mean, stepped
             normals, weights = _apart(mean, normals, weights, apart)
+
+
+def _facets(
+    triangles: NDArray[np.float64], goal: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the normals and the areas, twice over, of the triangles within 55 degrees of `goal`."""
+    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    facing = cross @ goal > _COS_SEARCH * length
+    return cross[facing] / length[facing, None], length[facing]
+
+
+def _largest_facet(normals: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean normal of those that agree to two digits and together weigh most."""
+    keys, index = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
+    totals = np.bincount(index.ravel(), weights=weights, minlength=len(keys))
+    facet = index.ravel() == int(totals.argmax())
+    return unit(np.sum(normals[facet] * weights[facet, None], axis=0))
+
+
+def _without(normals: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit vectors of what is left of `normals` across `axis`."""
+    across = normals - np.outer(normals @ axis, axis)
+    return across / np.linalg.norm(across, axis=1, keepdims=True)
 
 
 def _apart(
