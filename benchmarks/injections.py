@@ -71,7 +71,7 @@ def table(outcomes: Sequence[Outcome], kinds: bool) -> None:
     print_rate("injected effects: kind and place right", effects, judge.kind_and_place, ">= 90 %")
     print_rate("nulls with a name", nulls, lambda o: bool(o.named) or o.verdict in ("crashed", "refused"), "<= 0 %")
     print_rate("explained by a cause of another kind", effects + nulls, judge.false_and_explained, "<= 0 %")
-    print_rate("streams that do not correspond: detected", streams, judge.told, ">= 100 %")
+    print_rate("streams that do not correspond: detected", streams, judge.noticed, ">= 100 %")
     print_rate("    reported, whatever else is named", streams, judge.warned)
     print_rate("crashed or timed out (all)", outcomes, lambda o: o.verdict == "crashed", "<= 0 %")
     print_costs(outcomes)

@@ -203,7 +203,7 @@ def _made(sensor: Sensor, effects: Sequence[Effect], **about: Any) -> Made:
         episode=plan.episode,
         layout=paxisim.TaxelLayout(plan.rows, plan.cols, pitch=(plan.pitch / 1e3, plan.pitch / 1e3)),
     )
-    told = [
+    listed = [
         {"cause": e.form.cause, "form": e.form.name, "size": round(e.size, 4), "signal": round(signal, 4)}
         for e, signal in zip(effects, signals_of(sensor, effects), strict=True)
     ]
@@ -211,7 +211,7 @@ def _made(sensor: Sensor, effects: Sequence[Effect], **about: Any) -> Made:
     return Made(
         recording=recording,
         true=tuple(sorted({e.form.cause for e in effects})),
-        effects=tuple(told),
+        effects=tuple(listed),
         tolerated=("quantisation",) if sensor.rounds else (),
         about={**facts, "peak": plan.peak, "rate": plan.rate, "shape": list(bench.shape), **about},
     )

@@ -77,7 +77,7 @@ def false_and_explained(o: Outcome) -> bool:
     return o.verdict == "explained" and not kinds_of(causes(o)) <= kinds_of(set(o.true))
 
 
-def told(o: Outcome) -> bool:
+def noticed(o: Outcome) -> bool:
     """Whether streams that do not correspond are recognised as such; see `injected.broken`."""
     said, refused = " ".join(o.said).lower(), o.verdict == "refused"
     if o.kind.startswith("shifted"):
@@ -97,9 +97,9 @@ def warned(o: Outcome) -> bool:
     if o.kind.startswith("shifted"):
         found = re.search(LAG, said)
         return found is not None and abs(float(found[1]) - o.about["shift"]) <= SHIFT
-    return told(o) or ("newtons" if "newtons" in o.kind or "microtesla" in o.kind else "same motion") in said
+    return noticed(o) or ("newtons" if "newtons" in o.kind or "microtesla" in o.kind else "same motion") in said
 
 
 def right(o: Outcome) -> bool:
     """Whether the outcome meets the criterion of its group."""
-    return told(o) if o.about["group"] == "broken" else exact(o)
+    return noticed(o) if o.about["group"] == "broken" else exact(o)

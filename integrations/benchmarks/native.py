@@ -91,8 +91,8 @@ def training() -> None:
             work()
             seconds[name] = (time.process_time() - start) / count
         env.close()
-    told = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in seconds.items())
-    print(f"\nSX-2mm, GCS, CPU time of a training: a step's {told}")
+    summary = ", ".join(f"{name} {1e3 * value:.2f} ms" for name, value in seconds.items())
+    print(f"\nSX-2mm, GCS, CPU time of a training: a step's {summary}")
 
 
 def main() -> None:

@@ -145,8 +145,8 @@ class Run:
             found = json.loads(path.read_text(encoding="utf-8"))
             differ = differing(found["versions"])
             parameters = Parameters(**{key: _tuples(value) for key, value in found["parameters"].items()})
-            told = found["diagnosis"]
-            diagnosis = None if told is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(told))
+            stored = found["diagnosis"]
+            diagnosis = None if stored is None else paxisim.diagnose.Diagnosis.from_json(json.dumps(stored))
             settings = {name: found[name] for name in (*_FIELDS, *(late for late in _LATER if late in found))}
             ranges = _ranges(**found["ranges"])
             run = cls(folder, **settings, parameters=parameters, diagnosis=diagnosis, ranges=ranges)

@@ -199,9 +199,11 @@ class Progress(BaseCallback):
             self._saved = time.monotonic()
             rate = (self.num_timesteps - self._first) / (now - self._began)
             left = (self._steps - self.num_timesteps) / max(rate, 1e-9) / 3600
-            told = f"success {np.mean(successes):.2f} of {len(successes)} episodes" if successes else "no episode yet"
+            success = (
+                f"success {np.mean(successes):.2f} of {len(successes)} episodes" if successes else "no episode yet"
+            )
             rest = "ended" if self.ended else f"{left:.1f} h left"
-            print(f"{self.num_timesteps} steps, {rate:.1f} a second, {rest}; {told}", flush=True)
+            print(f"{self.num_timesteps} steps, {rate:.1f} a second, {rest}; {success}", flush=True)
         return not self.ended
 
 

@@ -97,8 +97,8 @@ class InsertionVecEnv(VecEnv):
             for index, info in enumerate(infos):
                 info["TimeLimit.truncated"] = True
                 info["terminal_observation"] = {name: value[index] for name, value in observation.items()}
-                told = {"r": self._return[index], "l": self._steps, "t": time.time() - self._began}
-                info["episode"] = {name: round(float(value), 6) for name, value in told.items()}
+                episode = {"r": self._return[index], "l": self._steps, "t": time.time() - self._began}
+                info["episode"] = {name: round(float(value), 6) for name, value in episode.items()}
             observation = self._begin()
         return observation, (self._scale * reward).astype(np.float32), np.full(self.num_envs, done), infos
 

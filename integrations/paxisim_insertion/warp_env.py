@@ -122,7 +122,7 @@ class InsertionWarpEnv(VectorEnv):
                 self._rng.manual_seed(int(seed))
             starts = self._draw()
         self._begin_all(starts)
-        return self._observe(), self._told()
+        return self._observe(), self._infos()
 
     def step(  # type: ignore[override]
         self, actions: Any
@@ -151,7 +151,7 @@ class InsertionWarpEnv(VectorEnv):
         reward = weighted(reward_terms(state, action, self.parameters.epsilon))
         reward = torch.where(self._wrong, 0.0, reward)
         self._succeeded = self._succeeded | (state.success & ~self._wrong)
-        observation, infos = self._observe(), self._told()
+        observation, infos = self._observe(), self._infos()
         renewed = self._steps % self.task.max_steps == 0
         if renewed:
             self._next = scene.settle(self._draw())
@@ -160,7 +160,7 @@ class InsertionWarpEnv(VectorEnv):
             ended = (self._steps + self._phase) % self.task.max_steps == 0
             last = {name: infos[name] for name in ("is_success", "is_wrong")}
             self._begin(ended)
-            infos = self._told() | {"final_obs": observation, "final_info": last}
+            infos = self._infos() | {"final_obs": observation, "final_info": last}
             infos |= {"_final_obs": ended, "_final_info": ended}
             observation = self._observe()
         return observation, reward, ~self._all, ended, infos
@@ -239,7 +239,7 @@ class InsertionWarpEnv(VectorEnv):
             for name, value in observation.items()
         }
 
-    def _told(self) -> dict[str, Any]:
+    def _infos(self) -> dict[str, Any]:
         return {
             "is_success": self._succeeded,
             "_is_success": self._all,

@@ -54,8 +54,8 @@ def cost(
     print("| cores | time | cores in use |\n|---|---|---|")
     for number in cores:
         time = schedule(seconds, number)
-        told = f"{time / 86400:.1f} days" if time >= 48 * 3600 else f"{time / 3600:.1f} h"
-        print(f"| {number} | {told} | {total / (number * time):.0%} |")
+        duration = f"{time / 86400:.1f} days" if time >= 48 * 3600 else f"{time / 3600:.1f} h"
+        print(f"| {number} | {duration} | {total / (number * time):.0%} |")
 
 
 def seconds_of(cell: Cell, found: list[Result]) -> float:

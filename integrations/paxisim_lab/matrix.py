@@ -81,8 +81,8 @@ def _run(cells: list[Cell], runner: Here | OnRay, runs: Path, out: Path) -> list
         else:
             failed.append(one)
         hours = seconds / max(trained, 1) * (steps - done) / max(1, min(runner.at_once, number)) / 3600
-        told = f"{hours:.1f} h left" if trained or not number else "time left unknown"
-        say(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {told}")
+        remaining = f"{hours:.1f} h left" if trained or not number else "time left unknown"
+        say(f"{one.cell}: {one.wrong or 'finished'}; {done} of {steps} steps, {remaining}")
     return failed
 
 

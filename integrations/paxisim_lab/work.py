@@ -76,9 +76,9 @@ def _status(words: list[str], log: Path) -> int:
     # with one thread the numbers do not depend on the machine's number of cores
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with (
-        log.open("a", encoding="utf-8") as told,
+        log.open("a", encoding="utf-8") as output,
         subprocess.Popen(
-            arguments, stdin=subprocess.PIPE, stdout=told, stderr=subprocess.STDOUT, env=environment
+            arguments, stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, env=environment
         ) as process,
     ):
         return process.wait()

@@ -90,8 +90,8 @@ def _about(log: Log) -> list[str]:
         lines.append(f"start: {datetime.fromtimestamp(start * 1e-9, timezone.utc):%Y-%m-%d %H:%M:%S} UTC")
     if "scene" in metadata:
         metadata["scene"] = f"MJCF of {len(metadata['scene'])} characters"
-    for told in ("time_zero_ns", "episode_clocks", "start"):
-        metadata.pop(told, None)
+    for key in ("time_zero_ns", "episode_clocks", "start"):
+        metadata.pop(key, None)
     return lines + [f"{name}: {value}" for name, value in metadata.items() if value not in (None, "", [], {})]
 
 

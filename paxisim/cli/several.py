@@ -62,8 +62,8 @@ def diagnose_each(
     output.mkdir(exist_ok=True)
     ended = _ended(recordings, output, options, force, jobs, cluster)
     began, failed, unrelated = time.monotonic(), [], False
-    for number, (path, (status, told)) in enumerate(ended, 1):
-        print(printable(f"{path}: {told}"), flush=True)
+    for number, (path, (status, message)) in enumerate(ended, 1):
+        print(printable(f"{path}: {message}"), flush=True)
         if status not in (0, UNRELATED):
             failed.append(path)
         unrelated |= status == UNRELATED

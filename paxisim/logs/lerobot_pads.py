@@ -100,7 +100,7 @@ def tactile_arrays(
     for name in features:
         if name in found or not _is_tactile(meta, name):
             continue
-        axes = _told(meta, name)
+        axes = _known_axes(meta, name)
         if axes is not None:
             found[name] = axes
         elif pads is None or any(pad.startswith(_pad_name(meta, name)) for pad in pads):
@@ -220,8 +220,8 @@ def _is_tactile(meta: Meta, name: str) -> bool:
     return is_named and 1 <= len(shape) <= 4 and shape != [1] and not has_components
 
 
-def _told(meta: Meta, name: str) -> Axes | None:
-    """Return the axes that the names or the shape of an array tell, or None."""
+def _known_axes(meta: Meta, name: str) -> Axes | None:
+    """Return the axes of an array that follow from its names or its shape, or None."""
     shape, names = meta.features[name]["shape"], tuple(_NAMES.get(word.lower(), "") for word in meta.names(name))
     if any(names):  # names that are understood in part might contradict what the shape suggests
         return names if are_axes(names) and "xyz" in names and fits(names, shape) else None

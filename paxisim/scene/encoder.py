@@ -61,7 +61,7 @@ class EncoderError:
         return cls(episode, newtons, peak, tuple(forces), tuple(shares))
 
     @classmethod
-    def told_by(cls, recording: Recording) -> EncoderError | None:
+    def from_recording(cls, recording: Recording) -> EncoderError | None:
         """Return the error stored by the replay of a recording; None without a replay or without encoder steps."""
         replay = recording.metadata.get("replay")
         said = replay.get("encoder_error") if isinstance(replay, Mapping) else None

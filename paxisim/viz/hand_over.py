@@ -46,7 +46,7 @@ class HandOver(Generic[Value]):
         self._closing = threading.Event()
         self._changed = threading.Condition()
         self._error: BaseException | None = None
-        self._told = False
+        self._was_raised = False
         self._thread = threading.Thread(target=self._run, name="paxisim live view", daemon=True)
         self._thread.start()
 
@@ -84,12 +84,12 @@ class HandOver(Generic[Value]):
             self._closing.set()
             self._changed.notify_all()
         self._thread.join()
-        if not self._told:
+        if not self._was_raised:
             self._raise_error()
 
     def _raise_error(self) -> None:
         if self._error is not None:
-            self._told = True
+            self._was_raised = True
             raise self._error
 
     def _run(self) -> None:

@@ -24,7 +24,7 @@ def replays():
 
 def test_the_error_of_a_replay_is_what_it_says_and_no_more_than_twice_less(replays):
     exact, coarse = replays
-    error = EncoderError.told_by(coarse)
+    error = EncoderError.from_recording(coarse)
     assert error is not None
     off, force = (tensor.astype(float)[:, :, 2].sum(axis=(1, 2, 3)) for tensor in (
         coarse.simulated - exact.simulated, coarse.simulated
@@ -38,21 +38,24 @@ def test_the_error_of_a_replay_is_what_it_says_and_no_more_than_twice_less(repla
 def test_it_is_written_so_that_a_file_keeps_it(replays, tmp_path):
     replays[1].save(tmp_path / "paired.npz")
     loaded = paxisim.Recording.load(tmp_path / "paired.npz")
-    assert EncoderError.told_by(loaded) == EncoderError.told_by(replays[1])
+    assert EncoderError.from_recording(loaded) == EncoderError.from_recording(replays[1])
 
 
 def test_what_says_nothing_of_encoders_is_no_error(replays):
     exact, _ = replays
-    assert EncoderError.told_by(exact) is None, "no steps"
+    assert EncoderError.from_recording(exact) is None, "no steps"
     for said in (None, "much", {}, {"newtons": 1.0, "peak": 2.0, "episode": 0}, 3):
         metadata = {"replay": {"encoder_error": said}}
-        assert EncoderError.told_by(paxisim.Recording(exact.time, simulated=exact.simulated, metadata=metadata)) is None
-    assert EncoderError.told_by(paxisim.Recording(exact.time, simulated=exact.simulated)) is None
+        assert (
+            EncoderError.from_recording(paxisim.Recording(exact.time, simulated=exact.simulated, metadata=metadata))
+            is None
+        )
+    assert EncoderError.from_recording(paxisim.Recording(exact.time, simulated=exact.simulated)) is None
 
 
 def test_a_diagnosis_tolerates_as_much_as_the_steps_are_worth(replays):
     _, coarse = replays
-    error = EncoderError.told_by(coarse)
+    error = EncoderError.from_recording(coarse)
     with_steps = problem_of(coarse)
     without = problem_of(coarse.with_simulated(coarse.simulated, replay={}))
     more = with_steps.noise.sigma**2 - without.noise.sigma**2

@@ -140,8 +140,8 @@ class NativeScene(Scene):
         add_objects(world, assets, self.task, self.parameters)
         strings, actuators = ET.SubElement(root, "tendon"), ET.SubElement(root, "actuator")
         for index, (row, attributes) in enumerate(tendons):
-            told = {name: f"{value:.9g}" for name, value in attributes.items()}
-            fixed = ET.SubElement(strings, "fixed", {"name": f"arm_{index}", **told})
+            values = {name: f"{value:.9g}" for name, value in attributes.items()}
+            fixed = ET.SubElement(strings, "fixed", {"name": f"arm_{index}", **values})
             for joint, coefficient in zip(_AXES, row, strict=True):
                 ET.SubElement(fixed, "joint", joint=joint, coef=f"{coefficient:.9g}")
             if not attributes:

@@ -13,8 +13,8 @@ from paxisim.diagnose.data.problem import FloatArray, Problem
 
 def _least(problem: Problem) -> float:
     """Materiality of the half width (N): rounding alone suppresses half a count."""
-    told = problem.noise.dither > 0.2 * problem.noise.step
-    return max(0.02, (0.45 if told else 0.55) * problem.noise.step)
+    dithers = problem.noise.dither > 0.2 * problem.noise.step
+    return max(0.02, (0.45 if dithers else 0.55) * problem.noise.step)
 
 
 def _gain(values: Values, problem: Problem) -> FloatArray:

@@ -30,13 +30,13 @@ def _read(problem: Problem) -> Reading | None:
         energy = np.sum(x**2, axis=0)
         each = np.stack([np.sum(x[span] * y[span], axis=0) for span in problem.episodes])
         slope = each.sum(axis=0) / np.maximum(energy, 1e-12)
-        told = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
+        excited = energy > (40 * noise[:, axis]) ** 2  # otherwise noise alone would decide
         if axis < 2:  # slow noise may resemble a faint response, but not consistently in all episodes
             shared = np.abs(each.sum(axis=0)) > CHECKS.consistent * np.sqrt(np.sum(each**2, axis=0))
-            told &= shared | (np.abs(slope) > CHECKS.responds)
-        dead &= ~told | (np.abs(slope) < CHECKS.silent)
+            excited &= shared | (np.abs(slope) > CHECKS.responds)
+        dead &= ~excited | (np.abs(slope) < CHECKS.silent)
         if axis == 2:
-            dead &= told
+            dead &= excited
     if dead.any():
         dead &= ~_answers_late(problem, level, noise)
     dead |= _still(problem, level, noise, floor)

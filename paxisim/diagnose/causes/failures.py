@@ -47,8 +47,8 @@ def failures_of(problem: Problem) -> Failures | None:
     together = np.stack([np.argmin(cost.sum(axis=1), axis=0) for cost in costs])
     own = np.stack([np.argmin(cost, axis=0) for cost in costs])
     moment = np.broadcast_to(together[:, None], own.shape) + 1
-    told, silent, level = _judged(problem, noise, moment)
-    whole = (told.any(axis=1) & silent.all(axis=1))[:, None]
+    failing, silent, level = _judged(problem, noise, moment)
+    whole = (failing.any(axis=1) & silent.all(axis=1))[:, None]
     alone, _, own_level = _judged(problem, noise, own + 1)
     failed = (whole | alone) & problem.alive
     frozen = _frozen(problem)
@@ -144,10 +144,10 @@ def _judged(
     maybe &= most > CHECKS.counts * problem.noise.step  # rounding may hide a weaker response, as a loop may
     # the load must be released again: otherwise the channel may be saturated or late
     maybe &= (after & (size < CHECKS.silent * most)).sum(axis=0) >= CHECKS.samples
-    told, level = _confirmed(
+    failed, level = _confirmed(
         problem, noise, after, maybe, touched, missing > CHECKS.certain / 2 * noise * np.sqrt(forces)
     )
-    return told, silent, level
+    return failed, silent, level
 
 
 def _confirmed(
@@ -171,7 +171,7 @@ def _confirmed(
     Returns:
         Two arrays ``(pads, 3, rows, cols)``: the failed channels, and their readings (N).
     """
-    told, level = maybe.copy(), np.zeros(maybe.shape)
+    failed, level = maybe.copy(), np.zeros(maybe.shape)
     for pad, axis, row, col in np.argwhere(np.broadcast_to(maybe.any(axis=1, keepdims=True), maybe.shape)):
         place, course = (pad, axis, row, col), (slice(None), pad, axis, row, col)
         least = CHECKS.unusual * max(float(noise[place]), CHECKS.count * problem.noise.step)
@@ -180,8 +180,8 @@ def _confirmed(
             loaded, others = touched[:, pad, 0, row, col] & after[course], ~maybe[pad, 2]
             spans = [span for span, own in zip(problem.episodes, missed[course], strict=True) if own]
             seen = sum(_fits(problem, pad, others, span, loaded[span]) for span in spans)
-            told[place] = seen >= (1 if unlike else CHECKS.repeats) and _responded(problem, place, after[course])
-    return told, level
+            failed[place] = seen >= (1 if unlike else CHECKS.repeats) and _responded(problem, place, after[course])
+    return failed, level
 
 
 def _responded(problem: Problem, place: tuple[int, int, int, int], after: NDArray[np.bool_]) -> bool:

@@ -1,4 +1,4 @@
-"""Motions: what a recording must show so that a cause can be told, as instructions for the next recording."""
+"""Motions: what a recording must show so that a cause can be identified, as instructions for the next recording."""
 
 from __future__ import annotations
 

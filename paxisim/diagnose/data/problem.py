@@ -307,7 +307,7 @@ def problem_of(recording: Recording, scene: Responses | None = None, tolerance: 
     covariates = {n: c for n, c in recording.covariates.items() if c.ndim == 1 and np.isfinite(c).all()}
     rest = at_rest(simulated, peak)
     calibrated = "readout" in recording.metadata  # channels that do not respond to the load are 0 in both streams
-    tolerance = replace(tolerance or Tolerance(), encoder=EncoderError.told_by(recording))
+    tolerance = replace(tolerance or Tolerance(), encoder=EncoderError.from_recording(recording))
     problem = Problem(
         measured, simulated, recording.time, covariates, episode_spans(recording.episode),
         noise=Noise(np.ones(1), step, 0.0, bool(measured[:, :, 2].min() >= 0), phase, tolerance),

@@ -104,7 +104,7 @@ def one_speed(problem: Problem) -> bool:
     return len(times) >= 2 and max(times) < STREAMS.speeds * max(min(times), 1e-9)
 
 
-def with_untold(
+def with_memory_effects(
     problem: Problem, rivals: Mapping[str, tuple[str, ...]], remembering: Sequence[str]
 ) -> Mapping[str, tuple[str, ...]]:
     """The rivals, plus memory effects that only other speeds could separate.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from paxisim.diagnose.causes.kinds import AXES, BaselineCause, FittedCause
 from paxisim.diagnose.data.directions import followed
 from paxisim.diagnose.data.problem import FloatArray, Problem, showing
-from paxisim.diagnose.data.repeats import with_untold
+from paxisim.diagnose.data.repeats import with_memory_effects
 from paxisim.diagnose.explain.explanation import Explanation, Named, reading_without
 from paxisim.diagnose.explain.heldout import SquaredErrors, by_episode, gain_of, survives
 from paxisim.diagnose.explain.intervals import parameters_of
@@ -49,7 +49,7 @@ def _rivals(found: Explanation) -> Mapping[str, tuple[str, ...]]:
             unpressed = _is_unpressed(found.problem, np.asarray(named.values[item.amounts]))
             rivals[item.name] += (item.unpressed_rival,) if unpressed else ()
     remembering = [item.name for item in causes if isinstance(item, FittedCause) and item.remembers]
-    return with_untold(found.problem, rivals, remembering)
+    return with_memory_effects(found.problem, rivals, remembering)
 
 
 def _is_unpressed(problem: Problem, offset: FloatArray) -> bool:

@@ -223,8 +223,8 @@ def _frequencies(streams: Streams, models: list[_Model]) -> Picture:
     style.logarithmic(axes, "y", np.concatenate([size for _, size in spectra]))
     around = np.array([np.median(size[max(0, i - 6) : i + 7]) for i in range(len(size))])
     at = int(np.argmax(size / np.maximum(around, 1e-12)))
-    told = at > 3 and size[at] > np.sqrt(_LINE) * around[at]
-    found = f": a line at {frequency[at]:.2g} Hz" if told else ""
+    has_line = at > 3 and size[at] > np.sqrt(_LINE) * around[at]
+    found = f": a line at {frequency[at]:.2g} Hz" if has_line else ""
     alt = f"Spectrum of the residual, mean of all channels{found}."
     return style.finish(figure, f"Residual by frequency{found}", alt)
 
@@ -252,9 +252,9 @@ def _forces(streams: Streams, models: list[_Model]) -> Picture:
             cell = np.minimum((_BINS * force / peak).astype(int), _BINS - 1).ravel()
             square += np.bincount(cell, weights=error.ravel(), minlength=_BINS)
             count += np.bincount(cell, minlength=_BINS)
-        told = count >= 20
+        enough = count >= 20
         middle = (np.arange(_BINS) + 0.5) * peak / _BINS
-        root = np.sqrt(square[told] / count[told])
-        axes.plot(middle[told], root, "o", linestyle=line, color=colour, markersize=4, linewidth=1.5, label=label)
+        root = np.sqrt(square[enough] / count[enough])
+        axes.plot(middle[enough], root, "o", linestyle=line, color=colour, markersize=4, linewidth=1.5, label=label)
     axes.set_ylim(0, 1.08 * axes.get_ylim()[1])
     return style.finish(figure, "Residual by force", "RMS residual of a taxel against the force on it.")

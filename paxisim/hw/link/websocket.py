@@ -37,7 +37,7 @@ class WebSocketTransport:
         """Take over an open connection and the exit stack that closes it."""
         self.port = port
         self._connection, self._stack = connection, stack
-        self._has_told = False
+        self._was_too_big = False
 
     def read(self, timeout: float) -> bytes:
         """See `Transport.read`. A line break inside a message, which JSON allows between tokens, becomes a space."""
@@ -56,8 +56,8 @@ class WebSocketTransport:
         return b"".join(texts)
 
     def _raise_closed(self, error: ConnectionClosed) -> NoReturn:
-        if error.sent is not None and error.sent.code == _TOO_BIG and not self._has_told:
-            self._has_told = True  # the next call says that the port went away, so that it is opened again
+        if error.sent is not None and error.sent.code == _TOO_BIG and not self._was_too_big:
+            self._was_too_big = True  # the next call says that the port went away, so that it is opened again
             raise ProtocolError(
                 f"{self.port} sent a message of more than {MAX_MESSAGE_BYTES} bytes, which is no reading"
             ) from error
