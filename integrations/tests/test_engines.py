@@ -18,12 +18,19 @@ import paxisim
 ENGINES = (InsertionScene, NativeScene)
 START = np.array([0.004, -0.003, 0.012])
 AWAY = [2.0, 2.0, 0.3]
+SOFT, STIFF = Parameters(gel_modulus=100e3), Parameters(gel_modulus=1.09e6)
 
 
 @pytest.fixture(scope="module")
 def scenes():
     """One scene per engine, robosuite's first."""
     return [scene(TASKS["SX-2mm"]) for scene in ENGINES]
+
+
+@pytest.fixture(scope="module")
+def gels():
+    """The same scenes, with a soft gel and with one as stiff as the layers of the magnetic pads."""
+    return {gel: [scene(TASKS["SX-2mm"], gel) for scene in ENGINES] for gel in (SOFT, STIFF)}
 
 
 def placed(scene, *, holding):
@@ -136,6 +143,7 @@ def felt(scene, wrench, surface):
     return scene.tactile.read(), scene.peg[1][:, 2]
 
 
+@pytest.mark.parametrize("gel", [SOFT, STIFF], ids=["soft", "stiff"])
 @pytest.mark.parametrize(
     ("wrench", "leans"),
     [
@@ -146,16 +154,18 @@ def felt(scene, wrench, surface):
     ],
     ids=["held", "pushed", "tilted between the fingers", "turned along them"],
 )
-def test_what_the_taxels_feel_of_a_held_peg(scenes, wrench, leans):
+def test_what_the_taxels_feel_of_a_held_peg(gels, gel, wrench, leans):
+    """On the stiff gel a peg leans less, and loads depend more on how it has settled in steps of 2 or 5 ms."""
+    scenes = gels[gel]
     for bumps in (False, True):
         surface = paxisim.GCS(geometry=bumps).sample_surface(
             np.random.default_rng(3), layout=scenes[0].tactile.pads.layout, pads=2
         )
         (expected, axis), (found, other) = (felt(scene, wrench, surface) for scene in scenes)
-        assert (np.hypot(*axis[:2]) > 0.02) == leans
+        assert (np.hypot(*axis[:2]) > (0.02 if gel is SOFT else 0.003)) == leans
         np.testing.assert_allclose(other, axis, atol=5e-3)
         np.testing.assert_allclose(found.sum(axis=(-2, -1)), expected.sum(axis=(-2, -1)), atol=0.5)
-        assert np.abs(found - expected).sum() < 0.05 * np.abs(expected).sum()
+        assert np.abs(found - expected).sum() < (0.05 if gel is SOFT else 0.08) * np.abs(expected).sum()
         assert np.abs(expected[:, 2]).sum(axis=(-2, -1)).min() > 20, "both pads are pressed"
 
 
@@ -171,9 +181,10 @@ def test_a_surface_beyond_the_compiled_one_loses_no_contacts(scenes):
     assert normal[:, 3:].min() > 0.5
 
 
-def test_bumps_change_the_loads_of_a_flat_handle_less_than_gains_do(scenes):
-    """The README's reason why GCS without G transfers as well as GCS here."""
-    _, scene = scenes
+@pytest.mark.parametrize(("gel", "low", "high"), [(SOFT, 0.05, 0.13), (STIFF, 0.17, 0.35)], ids=["soft", "stiff"])
+def test_bumps_change_the_loads_of_a_flat_handle(gels, gel, low, high):
+    """On the soft gel less than the gains of taxels do, whose deviation is 0.25, on the stiff one as much."""
+    _, scene = gels[gel]
     layout = scene.tactile.pads.layout
     rng = np.random.default_rng(0)
     for draw in (lambda _: paxisim.GCS().sample_surface(rng, layout=layout), lambda s: uneven_surface(s, layout)):
@@ -181,9 +192,9 @@ def test_bumps_change_the_loads_of_a_flat_handle_less_than_gains_do(scenes):
         for seed in range(10):
             scene.place(START, surface=draw(seed))
             normal = scene.tactile.read()[:, 2]
-            assert normal.min() > 0.1, "every taxel touches"
+            assert (normal > 0.01).mean() > (0.99 if gel is SOFT else 0.9), "nearly every taxel touches"
             spreads.append(normal.std(axis=(1, 2)) / normal.mean(axis=(1, 2)))
-        assert 0.05 < np.mean(spreads) < 0.13, "the gains of taxels have 0.25"
+        assert low < np.mean(spreads) < high
 
 
 def test_episodes_are_alike_in_both_engines():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from paxisim_insertion import InsertionEnv
+from paxisim_insertion import InsertionEnv, Parameters
 from paxisim_insertion.evaluate import evaluate, play_episode, stand_in_of
 from paxisim_insertion.on_sensor import SensedPolicy, on_ports, on_sensor
 from paxisim_insertion.results import FIRST_SEED, Result, file_of, folder_of, versions
@@ -90,7 +90,7 @@ def test_the_robot_of_a_transfer(engine):
 
 def test_the_sensors_of_a_transfer():
     """Both kinds are zeroed in two ways, uneven, and read differently; the pads are as stiff as their layers."""
-    env = InsertionEnv("SX-2mm", "DT", engine="native")
+    env = InsertionEnv("SX-2mm", "DT", engine="native", parameters=Parameters(gel_modulus=100e3))
     model, _ = env.scene.model_and_data
     soft = model.body_invweight0[env.scene.tactile.pads.bodies, 0]
     for transfer in ("pads", "surrogates"):
