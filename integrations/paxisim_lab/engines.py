@@ -136,7 +136,7 @@ def differences(task: str, other: str, seeds: range, parameters: Parameters = PA
             expected, _, _, truncated, _ = reference.step(action)
             apart = 1e3 * np.linalg.norm(expected[PRIVILEGED][:3] - second.step(action)[0][PRIVILEGED][:3])
             change = reference.reading - second.reading
-            total = max(np.abs(reference.reading).sum(), np.finfo(float).tiny)  # a peg that was lost reads 0
+            total = max(float(np.abs(reference.reading).sum()), 1e-6)  # a peg that was lost reads 0
             rows.append((np.abs(change).sum() / total, apart, np.abs(change.sum(axis=(-2, -1))).max()))
     return np.array(rows).T
 
