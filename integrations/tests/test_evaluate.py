@@ -187,7 +187,7 @@ def test_a_reference_sensor_with_memory_and_its_neighbour():
 @pytest.mark.parametrize(("policies", "results"), [(POLICIES, RESULTS), (SETTLED / "policies", SETTLED / "results")])
 def test_the_shipped_policies_have_results_of_as_many_steps(policies, results):
     names = sorted(folder.name for folder in policies.iterdir())
-    assert len(names) == (51 if policies == POLICIES else 31)
+    assert len(names) == (51 if policies == POLICIES else 33)
     for name in names:
         document = json.loads((policies / name / "run.json").read_text())
         task, method, seed = (document[key] for key in ("task", "method", "seed"))
