@@ -192,7 +192,7 @@ def test_bumps_change_the_loads_of_a_flat_handle(gels, gel, low, high):
         for seed in range(10):
             scene.place(START, surface=draw(seed))
             normal = scene.tactile.read()[:, 2]
-            assert (normal > 0.01).mean() > (0.99 if gel is SOFT else 0.9), "nearly every taxel touches"
+            assert normal.min() > 0.1, "every taxel touches"
             spreads.append(normal.std(axis=(1, 2)) / normal.mean(axis=(1, 2)))
         assert low < np.mean(spreads) < high
 

@@ -171,7 +171,7 @@ def _candidates(
 def _facets(
     triangles: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the normals and the areas, twice over, of the triangles within 55 degrees of `goal`."""
+    """Return the normals, and twice the areas, of the triangles within 55 degrees of `goal`."""
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     length = np.linalg.norm(cross, axis=1)
     facing = cross @ goal > _COS_SEARCH * length
