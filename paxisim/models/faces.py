@@ -171,11 +171,12 @@ def _candidates(
 def _facets(
     triangles: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the normals, and twice the areas, of the triangles within 55 degrees of `goal`."""
-    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    length = np.linalg.norm(cross, axis=1)
-    facing = cross @ goal > _COS_SEARCH * length
-    return cross[facing] / length[facing, None], length[facing]
+    """Return the normals and areas of the triangles within 55 degrees of `goal`."""
+    from trimesh.triangles import area, normals
+
+    found, whole = normals(triangles)
+    facing = found @ goal > _COS_SEARCH
+    return found[facing], area(triangles[whole])[facing]
 
 
 def _largest_facet(normals: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from paxisim.models.links import bodies_above
 from paxisim.models.mount import Mount, name_for_replaces, replaced_in_model
 from paxisim.models.pads import Pads, half_thickness
 from paxisim.models.surface import first_facing
-from paxisim.models.surfaces import shape_of, surface_of
+from paxisim.models.surfaces import planes, shape_of, surface_of
 
 MAX_PITCH = 0.05
 """Largest plausible pitch of a taxel; a larger pitch suggests a wrong unit."""
@@ -189,11 +189,8 @@ def bare_lengths(model: mujoco.MjModel, pads: Pads, mounts: tuple[Mount, ...]) -
 
 def _near(shape: tuple[NDArray[np.float64], NDArray[np.int64]], points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points lie inside a convex solid or within `_INSIDE` of its faces."""
-    a, b, c = shape[0][shape[1]].swapaxes(0, 1)
-    normals = np.cross(b - a, c - a)
-    area = np.linalg.norm(normals, axis=1)
-    normals = normals[area > 1e-16] / area[area > 1e-16, None]
-    return np.all(points @ normals.T <= np.sum(normals * a[area > 1e-16], axis=1) + _INSIDE, axis=1)
+    normals, offsets = planes(*shape)
+    return np.all(points @ normals.T <= offsets + _INSIDE, axis=1)
 
 
 def hiding_geoms(model: mujoco.MjModel, pads: Pads, candidates: NDArray[np.bool_]) -> list[list[int]]:
@@ -251,12 +248,8 @@ def _crossed(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], points: NDArray[np.float64], lines: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where lines through `points` enter and leave a convex solid; a line that misses it leaves first."""
-    a, b, c = vertices[faces].swapaxes(0, 1)
-    normals = np.cross(b - a, c - a)
-    area = np.linalg.norm(normals, axis=1)
-    whole = area > 1e-16
-    normals = normals[whole] / area[whole, None]
-    room = np.sum(normals * a[whole], axis=1) - points @ normals.T  # points x faces
+    normals, offsets = planes(vertices, faces)
+    room = offsets - points @ normals.T  # points x faces
     rate = lines @ normals.T
     with np.errstate(divide="ignore", invalid="ignore"):
         at = room / rate

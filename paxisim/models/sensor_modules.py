@@ -25,7 +25,7 @@ from paxisim.layout import TaxelLayout
 from paxisim.models.gel import Gel
 from paxisim.models.load import compile_whole, load_spec
 from paxisim.models.mount import Mount
-from paxisim.models.surfaces import shape_of
+from paxisim.models.surfaces import planes, shape_of
 from paxisim.models.xacro import read_robot
 
 MAX_MISFIT = 5e-3
@@ -431,7 +431,5 @@ def _mount(
 
 def _any_inside(shape: tuple[NDArray[np.float64], NDArray[np.int64]], points: NDArray[np.float64]) -> bool:
     """Tell whether any of ``(N, 3)`` points is inside a convex shape."""
-    vertices, faces = shape
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    normals = np.cross(b - a, c - a)
-    return bool(np.any(np.all(points @ normals.T <= np.sum(a * normals, axis=1), axis=1)))
+    normals, offsets = planes(*shape)
+    return bool(np.any(np.all(points @ normals.T <= offsets, axis=1)))

@@ -67,10 +67,8 @@ def surface_of(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int],
         triangles.append(fine_v[fine_f])
         ids.append(np.full(len(fine_f), geom, dtype=np.int64))
     corners, owner = np.concatenate(triangles), np.concatenate(ids)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    whole = length > 1e-16
-    return Surface(corners[whole], normal[whole] / length[whole, None], owner[whole], edge)
+    normals, whole = trimesh.triangles.normals(corners)
+    return Surface(corners[whole], normals, owner[whole], edge)
 
 
 def shape_of(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
@@ -110,12 +108,22 @@ def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return vector / max(float(np.linalg.norm(vector)), 1e-12)
 
 
+def planes(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the unit normals n and offsets d of a convex solid's faces: a point x is inside if x @ n <= d for all."""
+    from trimesh.triangles import normals
+
+    corners = vertices[faces]
+    outward, whole = normals(corners)
+    return outward, np.sum(outward * corners[whole, 0], axis=1)
+
+
 def hull(vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return vertices and outward faces of the convex hull of ``(N, 3)`` points."""
+    from trimesh.triangles import cross
+
     hull = ConvexHull(vertices, qhull_options="QJ Pp")
     faces = hull.simplices.astype(np.int64)
     corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.sum(normal * hull.equations[:, :3], axis=1) < 0
+    inward = np.sum(cross(corners) * hull.equations[:, :3], axis=1) < 0
     faces[inward] = faces[inward][:, ::-1]
     return vertices, faces
