@@ -2,7 +2,8 @@
 
 The layer is a bed of independent Kelvin-Voigt springs (a Winkler foundation): a taxel of area A with indentation r
 carries ``F = modulus * A / thickness * (r + relaxation * dr/dt)``. This holds to 2 % for r up to 0.4 of the thickness.
-Beyond that, the spring stiffens, up to `STIFFENING` times at the full thickness, as a compressed layer does.
+Beyond that, the spring stiffens, up to `STIFFENING` times at the full thickness, as a compressed layer does. Stiff gels
+stiffen less.
 
 MuJoCo's contact parameters follow from its constraint model; presses confirm them. A frictional contact at rest with
 impedance d carries ``f = kappa * r / R``, with ``kappa = k d / d_max^2`` for ``solref = (-k, -b)`` and, for the
@@ -13,7 +14,8 @@ kappa = beta / relaxation, and R sets the stiffness.
 
 W contains the mass of the object, so the same numbers in a file would be stiff for a heavy object and soft for a light
 one. `Gel.apply` therefore gives the pad's body an inverse weight much larger than that of any object; only the contacts
-of the taxels use it. A file cannot store this weight, so there W is that of a nominal object.
+of the taxels use it. For the same R, d has to be the closer to 1 the stiffer the gel is, and less is left to stiffen it
+up to MuJoCo's largest d of 0.9999. A file cannot store this weight, so there W is that of a nominal object.
 """
 
 from __future__ import annotations
@@ -42,10 +44,11 @@ NOMINAL_INVERSE_WEIGHT = 10.0
 """Inverse weight (1/kg) assumed in files: an object of 0.1 kg held against a heavy finger."""
 
 STIFFENING = 100.0
-"""Factor by which the layer is stiffer at an indentation of its whole thickness."""
+"""Largest factor by which the layer is stiffer at an indentation of its whole thickness."""
 
 _STIFFENS_FROM = (0.5, 16.0)  # solimp's midpoint and power: the impedance is constant to 0.4 of the thickness
-_APPLIED_IMPEDANCE = 0.99  # the pad's inverse weight is then 99 R, for the default gel 4000 1/kg: 0.1 kg adds 0.3 %
+_LEAST_INVERSE_WEIGHT = 4000.0  # of a pad (1/kg), where d can be large enough: an object of 0.1 kg adds 0.3 %
+_LEAST_ODDS, _MOST_ODDS = 99.0, 9999.0  # d / (1 - d); MuJoCo's largest impedance is 0.9999
 _DAMPING_PER_STEP = 0.5  # beta * timestep: largest share of an impact's speed lost in one step
 _STEPS_PER_RELAXATION = 2
 _NOMINAL_TIMESTEP = 2e-3
@@ -138,7 +141,7 @@ class Gel:
         kappa, beta = self._oscillator(_NOMINAL_TIMESTEP)
         regularisation = self._regularisation(layout, kappa, contacts)
         impedance = NOMINAL_INVERSE_WEIGHT / (NOMINAL_INVERSE_WEIGHT + regularisation)
-        return self._solver_parameters(kappa, beta, impedance)
+        return self._solver_parameters(kappa, beta, float(np.clip(impedance, 1e-4, 0.99)))
 
     def apply(self, model: mujoco.MjModel, pads: Pads) -> None:
         """Give the taxels of a compiled model this gel, independently of the objects they touch.
@@ -172,9 +175,6 @@ class Gel:
                 f"({shortest:g} s here), got {self.relaxation:g} s"
             )
         kappa, beta = self._oscillator(model.opt.timestep)
-        solref, solimp = self._solver_parameters(kappa, beta, _APPLIED_IMPEDANCE)
-        model.geom_solref[pads.geoms] = solref
-        model.geom_solimp[pads.geoms] = solimp
         model.geom_friction[pads.geoms, 0] = self.friction
         model.geom_priority[pads.geoms] = 1 + highest_priority_met(model, pads)
         softening = 1.0
@@ -185,7 +185,10 @@ class Gel:
             round_ones = int(model.geom_type[geoms[0]]) == int(mujoco.mjtGeom.mjGEOM_SPHERE)
             contacts = CONTACTS["spheres" if round_ones else "boxes"]
             regularisation = softening * self._regularisation(layout, kappa, contacts)
-            odds = _APPLIED_IMPEDANCE / (1 - _APPLIED_IMPEDANCE)
+            # leaves a factor of 2 to stiffen; where paxisim.warp merges a taxel's contacts, their odds add up
+            most = _MOST_ODDS / (2 * contacts)
+            odds = float(np.clip(_LEAST_INVERSE_WEIGHT / regularisation, _LEAST_ODDS, most))
+            model.geom_solref[geoms], model.geom_solimp[geoms] = self._solver_parameters(kappa, beta, odds / (1 + odds))
             model.body_invweight0[body, 0] = regularisation * odds
         warn_of_contacts(model, pads)
 
@@ -201,8 +204,7 @@ class Gel:
     def _solver_parameters(
         self, kappa: float, beta: float, impedance: float
     ) -> tuple[tuple[float, float], tuple[float, ...]]:
-        impedance = float(np.clip(impedance, 1e-4, 0.99))
-        odds = STIFFENING * impedance / (1 - impedance)
+        odds = min(STIFFENING * impedance / (1 - impedance), _MOST_ODDS)
         stiffest = odds / (1 + odds)
         solref = (-kappa * stiffest**2 / impedance, -beta * stiffest)
         return solref, (impedance, stiffest, self.thickness, *_STIFFENS_FROM)
@@ -210,4 +212,4 @@ class Gel:
 
 def is_applied(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> bool:
     """Tell whether the taxels of a pad have a gel from `Gel.apply`, not that of their file."""
-    return bool(np.all(model.geom_solimp[geoms, 0] == _APPLIED_IMPEDANCE))
+    return bool(np.all(model.geom_solimp[geoms, 0] >= _LEAST_ODDS / (1 + _LEAST_ODDS)))

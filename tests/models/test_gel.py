@@ -87,6 +87,16 @@ def test_every_gel_has_its_own_stiffness_whatever_the_number_of_taxels(layout, g
     assert pressed_stiffness(pad, 4.9, seconds, cone=cone) == pytest.approx(stated_stiffness(pad), rel=0.01)
 
 
+@pytest.mark.parametrize("taxels", ["boxes", "spheres"])
+@pytest.mark.parametrize(("modulus", "timestep"), [(100e3, 5e-3), (1.09e6, 2e-3), (1.09e6, 5e-3)])
+def test_a_stiff_gel_is_no_softer_under_a_light_object(taxels, modulus, timestep):
+    """MuJoCo adds the inverse weight of the object to that of the pad."""
+    pad = Pad(POOLED, gel=Gel(modulus=modulus), taxels=taxels)
+    for mass in (0.02, 0.5):
+        measured = pressed_stiffness(pad, 4.9, 0.6, mass=mass, timestep=timestep)
+        assert measured == pytest.approx(stated_stiffness(pad), rel=0.03), f"{mass} kg"
+
+
 def test_what_the_object_is_made_of_does_not_matter():
     pad = Pad(POOLED)
     for attributes in (
