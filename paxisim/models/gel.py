@@ -47,7 +47,7 @@ STIFFENING = 100.0
 """Largest factor by which the layer is stiffer at an indentation of its whole thickness."""
 
 _STIFFENS_FROM = (0.5, 16.0)  # solimp's midpoint and power: the impedance is constant to 0.4 of the thickness
-_LEAST_INVERSE_WEIGHT = 4000.0  # of a pad (1/kg), where d can be large enough: an object of 0.1 kg adds 0.3 %
+_LEAST_INVERSE_WEIGHT = 4000.0  # of a pad of spheres (1/kg), where d can be large enough: 0.1 kg adds 0.3 %
 _LEAST_ODDS, _MOST_ODDS = 99.0, 9999.0  # d / (1 - d); MuJoCo's largest impedance is 0.9999
 _DAMPING_PER_STEP = 0.5  # beta * timestep: largest share of an impact's speed lost in one step
 _STEPS_PER_RELAXATION = 2
@@ -187,7 +187,7 @@ class Gel:
             regularisation = softening * self._regularisation(layout, kappa, contacts)
             # leaves a factor of 2 to stiffen; where paxisim.warp merges a taxel's contacts, their odds add up
             most = _MOST_ODDS / (2 * contacts)
-            odds = float(np.clip(_LEAST_INVERSE_WEIGHT / regularisation, _LEAST_ODDS, most))
+            odds = float(np.clip(_LEAST_INVERSE_WEIGHT / contacts / regularisation, _LEAST_ODDS, most))
             model.geom_solref[geoms], model.geom_solimp[geoms] = self._solver_parameters(kappa, beta, odds / (1 + odds))
             model.body_invweight0[body, 0] = regularisation * odds
         warn_of_contacts(model, pads)
