@@ -103,9 +103,8 @@ class Parameters:
         grip_force: Force (N) with which each finger would hold a rigid handle: the force that deoxys, the software of
             the paper's robot, commands. robosuite's own fingers hold 30 mm with 15.5 N, and a peg that is pushed along
             them rotates.
-        gel_modulus: Stiffness of the pads' gel (Pa), as a `paxisim.Gel` of 3.3 mm. The default is the soft gel on which
-            the shipped policies were trained. A taxel of `paxisim.Layer()`, the layer of the magnetic pad, is as stiff
-            as one of 1.09e6.
+        gel_modulus: Stiffness of the pads' gel (Pa), as a `paxisim.Gel` of 3.3 mm. With the default, a taxel has
+            4.2 kN/m; one of `paxisim.Layer()` has 9.2 kN/m, those of the magnetic pads of a transfer 5.5 to 15 kN/m.
 
     Raises:
         InvalidValueError: A length or other value is not positive, the hole is too deep or too shallow for the peg or
@@ -134,7 +133,7 @@ class Parameters:
     kp: float = 150.0
     armature: float = 5.0
     grip_force: float = 30.0
-    gel_modulus: float = 100e3
+    gel_modulus: float = 0.7e6
 
     def __post_init__(self) -> None:
         """Check the values."""

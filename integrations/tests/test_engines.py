@@ -18,7 +18,7 @@ import paxisim
 ENGINES = (InsertionScene, NativeScene)
 START = np.array([0.004, -0.003, 0.012])
 AWAY = [2.0, 2.0, 0.3]
-SOFT, STIFF = Parameters(gel_modulus=100e3), Parameters(gel_modulus=1.09e6)
+SOFT, STIFF = Parameters(gel_modulus=100e3), Parameters(gel_modulus=0.7e6)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from paxisim_insertion.engines.pads import PAD, ScenePads
-from paxisim_insertion.tasks import Parameters
+from paxisim_insertion.tasks import PARAMETERS, Parameters
 from paxisim_robosuite.gripper import DEFAULT_SENSOR
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -76,6 +76,13 @@ def error(kind, pad, gel):
 @pytest.mark.parametrize("kind", OBJECTS)
 def test_balls_feel_what_a_bed_of_springs_feels(kind):
     assert error(kind, PAD, SOFT) < 0.03
+
+
+def test_on_the_gel_of_the_tasks_balls_feel_most_of_what_springs_feel():
+    """At the tasks' grip, cubes are off by almost half of the load."""
+    assert error("flat", PAD, (PARAMETERS, 30.0)) < 0.01
+    assert error("round", PAD, (PARAMETERS, 30.0)) < 0.1
+    assert error("round", DEFAULT_SENSOR, (PARAMETERS, 30.0)) > 0.4
 
 
 def test_cubes_feel_a_round_object_worse():

@@ -61,7 +61,7 @@ def test_the_tables_of_the_pages_are_those_that_the_command_prints(capsys):
     assert command(table, ["--results", str(RESULTS)]) == 0
     assert capsys.readouterr().out.strip() in MEASURED.read_text(encoding="utf-8")
     found, _ = comparable(read_results(RESULTS))
-    simulated, pads, surrogates = (one for one in tables(found) if "GCS+O" in one.rows)
+    simulated, pads, surrogates = (one for one in tables(found) if "TF" in one.rows)
     lines = README.read_text(encoding="utf-8").splitlines()
     for method in pads.rows:
         means = (*simulated.means(method), *pads.means(method), surrogates.means(method)[1])

@@ -34,21 +34,20 @@ def test_one_s_own_results_are_tabulated_with_those_of_the_package(tmp_path, mon
     """All tables of the package's results are compared with the README in test_pages.py."""
     monkeypatch.chdir(tmp_path)
     table()
-    before = capsys.readouterr().out
-    kept = [Result.load(path) for path in RESULTS.glob("SX-2mm_GCS_sim_?.json")]
-    assert len(kept) == 3, "the table pools the seeds"
-    assert f" 0.98 / {np.mean([result.success_rate for result in kept]):.2f}" in before
-    for result in kept:
-        replace(result, success_rate=0.0).save()
+    shipped = Result.load(RESULTS / "SX-2mm_GCS_sim_0.json")
+    assert f" 0.98 / {shipped.success_rate:.2f} (" in capsys.readouterr().out
+    for seed, rate in enumerate((0.0, 0.9, 0.6)):
+        replace(shipped, seed=seed, success_rate=rate).save()
     table()
-    assert " 0.98 / 0.00 (" in capsys.readouterr().out, "they take precedence"
-    for result in kept:
-        result.save()
-    replace(kept[0], method="CoP", sensor="surrogate 1").save()
-    replace(kept[0], method="CoP", sensor="surrogate 1", seed=1, success_rate=0.0).save()
-    tried = {**kept[0].training, "steps": 1000}
-    replace(kept[0], seed=9, success_rate=0.0, training=tried).save()
-    replace(kept[0], seed=8, success_rate=0.0, versions={**kept[0].versions, "mujoco": "3.0.0"}).save()
+    before = capsys.readouterr().out
+    assert " 0.98 / 0.50 (0.42 to 0.58)" in before, "they take precedence, and the table pools the seeds"
+    each = before[before.index("Simulation, each seed") :]
+    assert "| 0.00, 0.90, 0.60 |" in each[: each.index("\n\n", each.index("| GCS |"))]
+    replace(shipped, method="CoP", sensor="surrogate 1", success_rate=0.98).save()
+    replace(shipped, method="CoP", sensor="surrogate 1", seed=1, success_rate=0.0).save()
+    tried = {**shipped.training, "steps": 1000}
+    replace(shipped, seed=9, success_rate=0.0, training=tried).save()
+    replace(shipped, seed=8, success_rate=0.0, versions={**shipped.versions, "mujoco": "3.0.0"}).save()
     table()
     mixed, left_out = capsys.readouterr().out.split("\nLeft out")
     title = "Paper's real robot / our surrogate 1"
@@ -84,7 +83,7 @@ def test_learning_curves(tmp_path):
     assert "PolyCollection" in svg, "the band of two seeds"
     xml.dom.minidom.parseString(svg)
     shipped = shipped_curves()
-    assert sum(len(seeds) for methods in shipped.values() for seeds in methods.values()) == 75
+    assert sum(len(seeds) for methods in shipped.values() for seeds in methods.values()) == 43
     assert list(shipped) == list(TASKS)
 
 
@@ -129,16 +128,16 @@ def test_the_report_of_the_shipped_results(tmp_path, capsys):
     assert all(address.startswith(("data:", "#")) for address in page.fetched), "the page needs no other file"
     told = " ".join(page.words)
     assert "4 of 4 cells are finished" in told
-    assert "0.96 0.87 to 0.99 paper 0.76" in told, "GCS on SY-2mm in simulation"
-    assert "sim, SY-2mm GCS: 0.96 where the paper has 0.76" in told
-    assert "GCS+O 24 31 31 30 11 13" in told, "minutes of a training"
+    assert "0.90 0.79 to 0.96 paper 0.76" in told, "GCS on SY-2mm in simulation"
+    assert "sim, SY-2mm DT: 1.00 where the paper has 0.84" in told
+    assert "GCS 18 26 25 26 10 13" in told, "minutes of a training"
     assert len(re.findall(r"<svg.*?</svg>", text, re.DOTALL)) == 2, "SX-2mm and SY-2mm"
 
 
 def test_the_cost_of_a_matrix(tmp_path, capsys):
     found = [Result.load(path) for path in sorted(RESULTS.glob("S[XY]-2mm_*_sim_0.json"))]
-    assert seconds_of(Cell("SX-2mm", "DT", 5, 40_000), found) == pytest.approx(358 / 2), "of the same task and method"
-    others = [358 / 80_000, 435 / 100_000]
+    assert seconds_of(Cell("SX-2mm", "DT", 5, 40_000), found) == pytest.approx(535 / 2), "of the same task and method"
+    others = [535 / 80_000, 680 / 100_000]
     assert seconds_of(Cell("SQ-1mm", "DT", 5, 100), found) == pytest.approx(100 * sum(others) / 2), "of the same method"
     assert schedule([3600.0, 7200.0, 3600.0], 2) == 7200
     file = str(POLICIES.parent / "matrix.toml")
@@ -193,7 +192,7 @@ def test_an_interpretation_in_the_shell(capsys):
 def test_bumps_load_the_taxels_of_a_stiff_gel_unevenly(capsys):
     """At the tasks' grip, the loads vary by a tenth of their mean on the soft gel and by a quarter on a stiff one."""
     spreads = []
-    for modulus in ("100e3", "1.09e6"):
+    for modulus in ("100e3", "0.7e6"):
         gel = ["--parameters.gel-modulus", modulus]
         assert command(loads, ["--task", "SX-2mm", "--methods", "GCS", "--episodes", "3", *gel]) == 0
         rows = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines()[2:]]

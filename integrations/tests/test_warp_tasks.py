@@ -41,8 +41,10 @@ def centring_and_pushing(observation):
 
 
 def test_worlds_agree_with_the_native_engine_until_the_peg_touches_the_base(env):
-    seeds = [11, 13, 14]  # with 12, MuJoCo's solver stops at its tolerance, 2 mN from where a tighter one ends
+    seeds = [11, 12, 14]
     singles = [InsertionEnv("SX-2mm", "GCS", engine="native") for _ in seeds]
+    for single in singles:  # with its usual 1e-8, the solver stops up to 1.4e-4 rad from where it ends with this
+        single.scene.model_and_data[0].opt.tolerance = 1e-10
     observation, infos = env.reset(seed=seeds)
     expected = [single.reset(seed=seed)[0] for single, seed in zip(singles, seeds, strict=True)]
     assert not infos["is_success"].any()
