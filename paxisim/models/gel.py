@@ -48,7 +48,7 @@ STIFFENING = 100.0
 
 _STIFFENS_FROM = (0.5, 16.0)  # solimp's midpoint and power: the impedance is constant to 0.4 of the thickness
 _LEAST_INVERSE_WEIGHT = 4000.0  # of a pad of spheres (1/kg), where d can be large enough: 0.1 kg adds 0.3 %
-_LEAST_ODDS, _MOST_ODDS = 99.0, 9999.0  # d / (1 - d); MuJoCo's largest impedance is 0.9999
+_LEAST_ODDS, _MOST_ODDS = 0.99 / (1 - 0.99), 9999.0  # d / (1 - d); MuJoCo's largest impedance is 0.9999
 _DAMPING_PER_STEP = 0.5  # beta * timestep: largest share of an impact's speed lost in one step
 _STEPS_PER_RELAXATION = 2
 _NOMINAL_TIMESTEP = 2e-3
