@@ -237,6 +237,7 @@ def test_the_grip_keeps_most_taxels_of_a_flat_handle_above_the_threshold_of_tb(t
     trained, below = run.policy(env), []
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
+        assert observation["tactile"].all(), f"TB sees more than NT in the grasp on {task}, seed {seed}"
         terminated = truncated = False
         while not (terminated or truncated):
             below.append(np.mean(observation["tactile"][-1] == 0))

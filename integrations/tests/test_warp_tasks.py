@@ -41,7 +41,7 @@ def centring_and_pushing(observation):
 
 
 def test_worlds_agree_with_the_native_engine_until_the_peg_touches_the_base(env):
-    seeds = [11, 12, 14]
+    seeds = [11, 12, 13]
     singles = [InsertionEnv("SX-2mm", "GCS", engine="native") for _ in seeds]
     for single in singles:  # with its usual 1e-8, the solver stops up to 1.4e-4 rad from where it ends with this
         single.scene.model_and_data[0].opt.tolerance = 1e-10

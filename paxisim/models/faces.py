@@ -172,11 +172,12 @@ def _facets(
     triangles: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the normals and areas of the triangles within 55 degrees of `goal`."""
-    from trimesh.triangles import area, normals
+    from trimesh.triangles import area, cross, normals
 
-    found, whole = normals(triangles)
+    crosses = cross(triangles)
+    found, whole = normals(crosses=crosses)
     facing = found @ goal > _COS_SEARCH
-    return found[facing], area(triangles[whole])[facing]
+    return found[facing], area(crosses=crosses[whole])[facing]
 
 
 def _largest_facet(normals: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
