@@ -190,7 +190,7 @@ def test_a_reference_sensor_with_memory_and_its_neighbour():
 
 
 def test_the_shipped_policies_have_results_of_as_many_steps():
-    assert len(SHIPPED) == 43
+    assert len(SHIPPED) == 51
     for name in SHIPPED:
         document = json.loads((POLICIES / name / "run.json").read_text())
         task, method, seed = (document[key] for key in ("task", "method", "seed"))
