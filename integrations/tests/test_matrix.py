@@ -59,7 +59,7 @@ def test_the_order_of_cells(file):
         Cell("SX-2mm", "NT", 0, 40, trials=2),
     ]
     assert [cell.seed for cell in cells] == [0] * 4 + [1] * 4
-    assert len(read_cells(INTEGRATIONS / "matrix.toml")) == 57
+    assert len(read_cells(INTEGRATIONS / "matrix.toml")) == 63
 
 
 def test_the_sensors_of_cells(file, monkeypatch):

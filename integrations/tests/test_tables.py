@@ -83,7 +83,7 @@ def test_learning_curves(tmp_path):
     assert "PolyCollection" in svg, "the band of two seeds"
     xml.dom.minidom.parseString(svg)
     shipped = shipped_curves()
-    assert sum(len(seeds) for methods in shipped.values() for seeds in methods.values()) == 57
+    assert sum(len(seeds) for methods in shipped.values() for seeds in methods.values()) == 63
     assert list(shipped) == list(TASKS)
 
 
